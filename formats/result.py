@@ -1,0 +1,81 @@
+"""Counts, Step, Result: what a run yields."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from formats.frame import Frame
+from formats.grid import Grid
+
+
+class Counts(NamedTuple):
+    """Cells of a map against the truth; occupied is positive (paper, section 3.2)."""
+
+    tp: int
+    fp: int
+    fn: int
+    tn: int
+
+    def __add__(self, other: tuple[Any, ...]) -> Counts:
+        """Cell by cell sums: the observed and the unobserved part make the whole."""
+        return Counts(*(a + b for a, b in zip(self, other, strict=True)))
+
+
+class Split(NamedTuple):
+    """Counts inside the cells that some reading observed, and in all the others."""
+
+    observed: Counts
+    unobserved: Counts
+
+    @property
+    def whole(self) -> Counts:
+        """Over the whole scored region."""
+        return self.observed + self.unobserved
+
+
+@dataclass(slots=True)
+class Step:
+    """The state after one frame.
+
+    Attributes:
+        index: of the frame, from 0.
+        frame: with its pose in the plan's frame.
+        grids: curve name ("none", "bayes", "paper") -> map; computed when asked for.
+        counts: curve name -> counts so far.
+        keyframe: worth keeping a whole picture of: the first, the last, and by change.
+    """
+
+    index: int
+    frame: Frame
+    grids: Mapping[str, Grid]
+    counts: Mapping[str, Split]
+    keyframe: bool = False
+
+
+@dataclass(slots=True)
+class Result:
+    """What a run found.
+
+    Attributes:
+        settings: every option that had effect, by its flag's name.
+        times_ns: (frames,) int64.
+        counts: curve name -> (frames, 2, 4) int64: observed / unobserved by tp, fp, fn, tn.
+        grids: curve name -> the last map.
+        facts: what the run says of itself: scans, skipped, lost, reasons, hashes, versions.
+    """
+
+    settings: dict[str, Any]
+    times_ns: npt.NDArray[np.int64]
+    counts: dict[str, npt.NDArray[np.int64]]
+    grids: dict[str, Grid] = field(default_factory=dict)
+    facts: dict[str, Any] = field(default_factory=dict)
+
+    def split(self, curve: str, frame: int = -1) -> Split:
+        """Counts of a curve after a frame (the last by default)."""
+        observed, unobserved = self.counts[curve][frame]
+        return Split(Counts(*(int(n) for n in observed)), Counts(*(int(n) for n in unobserved)))

@@ -1,0 +1,1 @@
+"""Verbs: what one does with logs, plans and results."""
