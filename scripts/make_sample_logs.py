@@ -23,6 +23,7 @@ from scripts.flat import LEFT, LOW, Drive, Floats, cast, drive, picture, plan_bo
 RESOLUTION = 0.02  # m a pixel
 BORDER = 0.4
 BEAMS, FAR, NOISE = 360, 12.0, 0.01
+STEP = 2 * np.pi / BEAMS
 SCAN_HZ, TF_HZ = 7.7, 20.0
 MOUNT = (-0.04, 0.0, 0.19, np.pi / 2)  # of the lidar in base_link: x, y, z, yaw
 START_NS = 1_663_967_375_000_000_000
@@ -73,18 +74,19 @@ class Messages:
         """tf2_msgs/TFMessage."""
         return self.types["tf2_msgs/msg/TFMessage"](transforms=list(transforms))
 
-    def scan(self, t_ns: int, ranges: Floats) -> Any:
-        """sensor_msgs/LaserScan of a full turn."""
-        step = 2 * np.pi / BEAMS
+    def laser(
+        self, t_ns: int, frame: str, start: float, step: float, far: float, ranges: Floats
+    ) -> Any:
+        """sensor_msgs/LaserScan."""
         return self.types["sensor_msgs/msg/LaserScan"](
-            header=self.header(t_ns, "rplidar_link"),
-            angle_min=-np.pi,
-            angle_max=np.pi - step,
+            header=self.header(t_ns, frame),
+            angle_min=start,
+            angle_max=start + (len(ranges) - 1) * step,
             angle_increment=step,
             time_increment=0.0,
-            scan_time=1 / SCAN_HZ,
+            scan_time=0.0,
             range_min=0.15,
-            range_max=FAR,
+            range_max=far,
             ranges=ranges.astype(np.float32),
             intensities=np.zeros(0, np.float32),
         )
@@ -113,6 +115,12 @@ def between(frame: Floats, pose: Floats) -> tuple[float, float, float]:
     return float(x), float(y), float(yaw)
 
 
+def at(path: Drive, t: float, table: Floats | None = None) -> Floats:
+    """The true pose (or a row of another table of the same times) at a moment."""
+    rows = path.poses if table is None else table
+    return np.array([np.interp(t, path.times, rows[:, i]) for i in range(3)])
+
+
 def events(make: Messages) -> list[tuple[int, str, str, Any]]:
     """(log time, topic, type, message) in order of time."""
     rng = np.random.default_rng(2017)
@@ -124,27 +132,31 @@ def events(make: Messages) -> list[tuple[int, str, str, Any]]:
     fixed = make.transform(START_NS, "base_link", "rplidar_link", (x, y, z), yaw)
     out.append((START_NS, "/tf_static", tf, make.tf(fixed)))
 
-    def at(table: Floats, t: float) -> Floats:
-        return np.array([np.interp(t, path.times, table[:, i]) for i in range(3)])
-
     for t in np.arange(0, path.times[-1], 1 / TF_HZ):
         t_ns = START_NS + round(t * 1e9)
-        wheels = at(belief, t)
-        shift = between(wheels, at(path.poses, t))
+        wheels = at(path, t, belief)
+        shift = between(wheels, at(path, t))
         pair = (
             make.transform(t_ns, "map", "odom", (shift[0], shift[1], 0.0), shift[2]),
             make.transform(t_ns, "odom", "base_link", (wheels[0], wheels[1], 0.0), wheels[2]),
         )
         out.append((t_ns, "/tf", tf, make.tf(*pair)))
-    angles = np.arange(BEAMS) * (2 * np.pi / BEAMS) - np.pi
+    angles = np.arange(BEAMS) * STEP - np.pi
     for t in np.arange(0.11, path.times[-1] - 0.1, 1 / SCAN_HZ):
         t_ns = START_NS + round(t * 1e9)
-        px, py, heading = at(path.poses, t)
+        px, py, heading = at(path, t)
         sx, sy = px + x * np.cos(heading), py + x * np.sin(heading)
         ranges = cast(boxes, sx, sy, angles + heading + yaw, FAR)
         ranges = ranges + rng.normal(0, NOISE, BEAMS)
         ranges[rng.random(BEAMS) < 0.004] = np.inf  # a beam now and then comes back from nowhere
-        out.append((t_ns + 8_000_000, "/scan", scan, make.scan(t_ns, ranges)))
+        out.append(
+            (
+                t_ns + 8_000_000,
+                "/scan",
+                scan,
+                make.laser(t_ns, "rplidar_link", -np.pi, STEP, FAR, ranges),
+            )
+        )
     return sorted(out, key=lambda event: event[0])
 
 
