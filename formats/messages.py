@@ -104,7 +104,11 @@ class CompressedImage(NamedTuple):
 
 
 class CameraInfo(NamedTuple):
-    """sensor_msgs/CameraInfo; `k` (3, 3), `d` (n,) distortion."""
+    """sensor_msgs/CameraInfo; `k` (3, 3), `d` (n,) distortion.
+
+    The picture may be a part of the camera's (`roi`: x, y, width, height in px, all 0 for the
+    whole), and thinned (`binning`: px across and down for one of the picture's, 0 means 1).
+    """
 
     stamp_ns: int
     frame: str
@@ -113,6 +117,8 @@ class CameraInfo(NamedTuple):
     model: str
     d: Floats
     k: Floats
+    binning: tuple[int, int] = (1, 1)
+    roi: tuple[int, int, int, int] = (0, 0, 0, 0)
 
 
 class Cloud(NamedTuple):
