@@ -1,0 +1,93 @@
+"""When a message counts: header stamps, or log times, with passes kept apart by their order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+Times = npt.NDArray[np.int64]
+SECOND = 1_000_000_000
+# Stamps that go back by less are messages out of order, by more a clock that was set back.
+JUMP_NS = SECOND
+# So many messages must agree that the clock is back; fewer are strays.
+LASTING = 5
+MOST_JUMPS = 1000
+
+
+def none() -> Times:
+    """No times."""
+    return np.empty(0, dtype=np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class Clock:
+    """How the stamps of one log become times that only go on.
+
+    Where the stamps jump back (a clock set back, a recording played twice), a new pass begins: its
+    stamps are shifted so that they go on from the last one as the log times do, and nothing is
+    interpolated from one pass to another.
+
+    Attributes:
+        by_log: the header stamps say nothing (all 0): log times count.
+        jumps_ns: (k,) log times at which the stamps jump back.
+        back_ns: (k,) by how much.
+        shifts_ns: (k + 1,) what is added to the stamps of each pass.
+    """
+
+    by_log: bool = False
+    jumps_ns: Times = field(default_factory=none)
+    back_ns: Times = field(default_factory=none)
+    shifts_ns: Times = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
+
+    @classmethod
+    def of(cls, stamps_ns: Times, logs_ns: Times) -> Clock:
+        """The clock that the messages of one topic, in their order, speak of."""
+        if stamps_ns.size and not stamps_ns.any():
+            return cls(by_log=True)
+        starts = jumps(stamps_ns)
+        if not starts.size:
+            return cls()
+        back = stamps_ns[starts - 1] - stamps_ns[starts]
+        onward = np.maximum(logs_ns[starts] - logs_ns[starts - 1], 1)
+        shifts = np.concatenate([[0], np.cumsum(back + onward)])
+        return cls(jumps_ns=logs_ns[starts], back_ns=back, shifts_ns=shifts)
+
+    def passes(self, logs_ns: Times) -> npt.NDArray[np.intp]:
+        """Which pass each message belongs to, by its log time."""
+        return np.searchsorted(self.jumps_ns, logs_ns, side="right")
+
+    def times(self, stamps_ns: Times, logs_ns: Times) -> Times:
+        """(n,) ns at which messages count."""
+        if self.by_log:
+            return logs_ns
+        if not self.jumps_ns.size:
+            return stamps_ns
+        return stamps_ns + self.shifts_ns[self.passes(logs_ns)]
+
+
+def jumps(stamps_ns: Times) -> npt.NDArray[np.intp]:
+    """Where stamps jump back by more than a second and stay there; strays are passed over."""
+    found: list[int] = []
+    steps = np.flatnonzero(np.diff(stamps_ns) < -JUMP_NS) + 1
+    for start in steps[:MOST_JUMPS].tolist():
+        before = stamps_ns[start - 1]
+        if start > 1 and stamps_ns[start] >= stamps_ns[start - 2] - JUMP_NS:
+            continue  # it was the one before that strayed, forwards
+        if np.all(stamps_ns[start : start + LASTING] < before - JUMP_NS):
+            found.append(start)
+    return np.array(found, dtype=np.intp)
+
+
+def strays(times_ns: Times, window_ns: int = JUMP_NS) -> npt.NDArray[np.bool_]:
+    """Messages whose time lies more than `window_ns` before one that came earlier."""
+    if not times_ns.size:
+        return np.zeros(0, dtype=bool)
+    # A single time far ahead of all its neighbours must not make strays of all that follow.
+    ahead = np.zeros(times_ns.size, dtype=bool)
+    ahead[1:-1] = (times_ns[1:-1] > times_ns[2:] + window_ns) & (
+        times_ns[1:-1] > times_ns[:-2] + window_ns
+    )
+    steady = np.where(ahead, np.iinfo(np.int64).min, times_ns)
+    return ahead | (times_ns < np.maximum.accumulate(steady) - window_ns)

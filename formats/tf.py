@@ -1,0 +1,260 @@
+"""The whole log's transforms as arrays, looked up for many times at once (REP-105 trees)."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from formats.clock import SECOND, Clock, Times
+from formats.errors import FormatError, Notes, Path
+from formats.messages import Numbers, Transform
+from formats.track import (
+    MAX_GAP_NS,
+    STEADY,
+    Floats,
+    Samples,
+    Track,
+    Why,
+    clean,
+    inverse,
+    matrices,
+)
+
+Edge = tuple[str, str]  # parent, child
+
+
+class Missing(NamedTuple):
+    """Times at which one edge of a chain has no transform.
+
+    Attributes:
+        edge: parent, child.
+        why: BEFORE, AFTER, GAP or JUMP.
+        bound_ns: the first time of the edge for BEFORE, the last for AFTER, else 0.
+        rows: (k,) which of the asked times; a row is counted at one edge only.
+    """
+
+    edge: Edge
+    why: Why
+    bound_ns: int
+    rows: npt.NDArray[np.intp]
+
+
+class Lookup(NamedTuple):
+    """Transforms for n times: `matrices` (n, 4, 4) hold where `valid` (n,); the rest `missing`."""
+
+    matrices: Floats
+    valid: npt.NDArray[np.bool_]
+    missing: list[Missing]
+
+
+def plain(frame: str) -> str:
+    """A frame's name without the leading slash of old logs."""
+    return frame.lstrip("/")
+
+
+class Tree:
+    """Transforms by (parent, child): about 72 bytes a sample of an edge that moves.
+
+    Static transforms hold at all times, wherever in the log they are. An edge that moves holds
+    between its first and its last sample, where these are near enough to interpolate; a single
+    sample holds at its own time only. `lookup(..., mounted=True)` is for sensors on a robot: there
+    an edge whose samples all agree (a static publisher on /tf, as in ROS 1) is static, too.
+
+    Args:
+        path: of the log, for notes.
+        notes: what was odd.
+    """
+
+    def __init__(self, path: Path, notes: Notes) -> None:
+        self.path, self.notes = path, notes
+        self.clock, self.zero_ns, self.max_gap_ns = Clock(), 0, MAX_GAP_NS
+        self._statics: dict[Edge, Numbers] = {}
+        self._samples: dict[Edge, Samples] = {}
+        self._counts: dict[Edge, int] = {}
+        self._names: dict[Edge, Edge | None] = {}
+        self._parents: dict[str, str] | None = None
+        self._tracks: dict[Edge, Track] = {}
+
+    def add(self, transforms: Iterable[Transform], log_ns: int, *, static: bool) -> None:
+        """Keep the transforms of one message."""
+        for stamp_ns, parent, child, numbers in transforms:
+            raw = parent, child
+            edge = self._names[raw] if raw in self._names else self._named(raw)
+            if edge is None:
+                what = "to itself" if plain(parent) == plain(child) else "of an unnamed frame"
+                self.notes.warn(self.path, f"transform {what} ignored: {parent or child}")
+                continue
+            self._counts[edge] += 1
+            if static:
+                self._add_static(edge, numbers)
+            else:
+                self._samples.setdefault(edge, Samples()).add(stamp_ns, log_ns, numbers)
+
+    def _named(self, raw: Edge) -> Edge | None:
+        edge = plain(raw[0]), plain(raw[1])
+        sound = edge[0] and edge[1] and edge[0] != edge[1]
+        self._names[raw] = edge if sound else None
+        if sound:
+            self._counts.setdefault(edge, 0)
+            self._parents = None
+        return self._names[raw]
+
+    def _add_static(self, edge: Edge, numbers: Numbers) -> None:
+        rows, keep, odd = clean(np.array([numbers]))
+        for what in odd:
+            self.notes.warn(self.path, f"{edge[0]} > {edge[1]}: {what}", topic="/tf_static")
+        if not keep[0]:
+            return
+        before = self._statics.get(edge)
+        if before is not None and np.abs(rows[0] - clean(np.array([before]))[0][0]).max() > STEADY:
+            what = f"{edge[0]} > {edge[1]}: another static value (the last one counts)"
+            self.notes.warn(self.path, what, topic="/tf_static")
+        self._statics[edge] = numbers
+
+    def settle(self, clock: Clock, zero_ns: int = 0, max_gap_ns: int = MAX_GAP_NS) -> None:
+        """Say how stamps become times; times in notes count from `zero_ns`."""
+        self.clock, self.zero_ns, self.max_gap_ns = clock, zero_ns, max_gap_ns
+        self._tracks.clear()
+
+    @property
+    def edges(self) -> dict[Edge, int]:
+        """Every (parent, child) and how many transforms were recorded of it."""
+        return dict(self._counts)
+
+    @property
+    def frames(self) -> set[str]:
+        """Every frame that some transform names."""
+        return {frame for edge in self._counts for frame in edge}
+
+    @property
+    def parents(self) -> dict[str, str]:
+        """Child -> parent; of two parents the one with more transforms counts."""
+        if self._parents is None:
+            found: dict[str, str] = {}
+            for (parent, child), count in self._counts.items():
+                rival = found.get(child)
+                if rival is not None:
+                    pair = " and ".join(sorted((rival, parent)))
+                    self.notes.warn(self.path, f"{child} has two parents, {pair}", topic="/tf")
+                if rival is None or count >= self._counts[rival, child]:
+                    found[child] = parent
+            self._parents = found
+        return self._parents
+
+    def ancestors(self, frame: str) -> list[str]:
+        """The frame, its parent, and so on up to the root.
+
+        Raises:
+            FormatError: the transforms form a loop.
+        """
+        line = [plain(frame)]
+        while (parent := self.parents.get(line[-1])) is not None:
+            line.append(parent)
+            if parent in line[:-1]:
+                loop = " > ".join(reversed(line[line.index(parent) :]))
+                raise FormatError(self.path, f"the transforms form a loop, {loop}", topic="/tf")
+        return line
+
+    def path_between(self, target: str, source: str) -> tuple[list[Edge], list[Edge]] | None:
+        """Edges from the common ancestor down to source, and down to target; None: unconnected."""
+        up, down = self.ancestors(source), self.ancestors(target)
+        common = next((frame for frame in up if frame in down), None)
+        if common is None:
+            return None
+        return _edges(up, common), _edges(down, common)
+
+    def moves(self, edge: Edge) -> bool:
+        """Whether an edge is dynamic and its samples differ."""
+        return edge in self._samples and not self.track(edge).steady()
+
+    def track(self, edge: Edge) -> Track:
+        """The clean samples of a dynamic edge; what was odd about them is noted once."""
+        if edge not in self._tracks:
+            track = Track.of(self._samples[edge], self.clock, max_gap_ns=self.max_gap_ns)
+            self._tracks[edge] = track
+            name = f"{edge[0]} > {edge[1]}"
+            for what, count in track.odd.items():
+                self.notes.warn(self.path, f"{name}: {what}", topic="/tf", count=count)
+            for step in np.flatnonzero(track.broken == Why.JUMP):
+                far = np.linalg.norm(np.diff(track.numbers[step : step + 2, :3], axis=0))
+                at = f"{(track.times_ns[step + 1] - self.zero_ns) / SECOND:.2f} s"
+                what = f"{name} jumps by {far:.1f} m; not interpolated"
+                self.notes.warn(self.path, what, topic="/tf", at=at)
+        return self._tracks[edge]
+
+    def _at(
+        self, edge: Edge, times_ns: Times, mounted: bool
+    ) -> tuple[Floats, npt.NDArray[np.uint8] | None]:
+        """(n or 1, 4, 4) of one edge, and (n,) of Why where it does not hold for all times."""
+        samples = self._samples.get(edge)
+        fixed = edge in self._statics
+        if samples is not None and not (fixed and (mounted or self.track(edge).steady())):
+            track = self.track(edge)
+            if not (mounted and track.steady()):
+                numbers, why = track.at(times_ns)
+                return matrices(numbers), why
+            return matrices(track.numbers[:1]), None
+        if not fixed:
+            return np.eye(4)[None], np.full(len(times_ns), Why.AFTER, dtype=np.uint8)
+        return matrices(clean(np.array([self._statics[edge]]))[0]), None
+
+    def lookup(
+        self, target: str, source: str, times_ns: npt.ArrayLike, *, mounted: bool = False
+    ) -> Lookup:
+        """What takes coordinates of `source` into `target`, at many times.
+
+        Args:
+            target: frame of the results.
+            source: frame of what is taken there.
+            times_ns: (n,) in the times of the tree's clock.
+            mounted: edges whose samples all agree hold at all times.
+
+        Raises:
+            FormatError: the transforms form a loop, or do not connect the two frames.
+        """
+        times = np.asarray(times_ns, dtype=np.int64)
+        ends = self.path_between(target, source)
+        if ends is None:
+            raise FormatError(self.path, f"no transform {target} <- {source}", topic="/tf")
+        valid = np.ones(len(times), dtype=bool)
+        missing: list[Missing] = []
+        sides: list[Floats] = []
+        for edges in ends:
+            side = np.eye(4)[None]
+            for edge in edges:
+                step, why = self._at(edge, times, mounted)
+                side = side @ step
+                if why is not None:
+                    missing += self._missing(edge, why, valid)
+                    valid &= why == Why.OK
+            sides.append(side)
+        found = inverse(sides[1]) @ sides[0]
+        return Lookup(np.broadcast_to(found, (len(times), 4, 4)), valid, missing)
+
+    def _missing(
+        self, edge: Edge, why: npt.NDArray[np.uint8], valid: npt.NDArray[np.bool_]
+    ) -> list[Missing]:
+        found = []
+        for kind in (Why.BEFORE, Why.AFTER, Why.GAP, Why.JUMP):
+            rows = np.flatnonzero((why == kind) & valid)
+            if rows.size:
+                times = self.track(edge).times_ns if edge in self._samples else np.zeros(1)
+                bound = {Why.BEFORE: times[:1], Why.AFTER: times[-1:]}.get(kind, np.zeros(1))
+                found.append(Missing(edge, kind, int(bound[0]) if bound.size else 0, rows))
+        return found
+
+    def forget(self, wanted: Collection[str]) -> None:
+        """Drop the edges that lead to none of the wanted frames: wheels, fingers, markers."""
+        keep = {frame for name in wanted for frame in self.ancestors(name)}
+        for edge in [edge for edge in self._samples if edge[1] not in keep]:
+            del self._samples[edge]
+
+
+def _edges(line: list[str], top: str) -> list[Edge]:
+    """The edges of a line of ancestors, from `top` down to its first frame."""
+    frames = line[: line.index(top) + 1][::-1]
+    return list(pairwise(frames))
