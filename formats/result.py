@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formats.frame import Frame
-from formats.grid import Grid
+from formats.grid import Evidence, Grid, Update
 
 
 class Counts(NamedTuple):
@@ -38,6 +38,24 @@ class Split(NamedTuple):
         return self.observed + self.unobserved
 
 
+class Curve(NamedTuple):
+    """How a map is drawn from evidence.
+
+    Attributes:
+        prior: l0 by cell.
+        p_levels: P(empty) that a reading of each level stands for.
+        update: "bayes" or "paper".
+    """
+
+    prior: Grid
+    p_levels: tuple[float, ...]
+    update: Update = "bayes"
+
+    def of(self, evidence: Evidence) -> Grid:
+        """The map of this evidence."""
+        return evidence.on(self.prior, self.p_levels, self.update)
+
+
 @dataclass(slots=True)
 class Step:
     """The state after one frame.
@@ -48,6 +66,7 @@ class Step:
         grids: curve name ("none", "bayes", "paper") -> map; computed when asked for.
         counts: curve name -> counts so far.
         keyframe: worth keeping a whole picture of: the first, the last, and by change.
+        evidence: all readings so far; it goes on growing, so whoever keeps it copies it.
     """
 
     index: int
@@ -55,6 +74,7 @@ class Step:
     grids: Mapping[str, Grid]
     counts: Mapping[str, Split]
     keyframe: bool = False
+    evidence: Evidence | None = None
 
 
 @dataclass(slots=True)
