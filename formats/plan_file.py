@@ -1,0 +1,293 @@
+"""Plans and maps: a picture, what of it is wall, and where it lies."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from formats.errors import FormatError, Notes, UsageError
+from formats.errors import Path as AnyPath
+from formats.frame import Pose
+from formats.ink import Picture, drawn, paper_grey
+from formats.map_file import cells_of
+from formats.map_yaml import MapYaml, read_map_yaml
+from formats.raster import Grey, is_picture, read_raster
+
+Cells = npt.NDArray[np.int8]
+Mask = npt.NDArray[np.bool_]
+Extent = tuple[float, float, float, float]
+LARGEST_FILE = 700_000_000
+SUFFIXES = (".png", ".pgm", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".ppm", ".pbm")
+YAML_SUFFIXES = (".yaml", ".yml")
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A plan or map: pixels in rows, row 0 on top, and their place.
+
+    The plan's own frame is the yaml's frame turned by the origin's yaw, so that the picture is
+    axis-aligned in it; `frame` is its pose in the yaml's frame.
+
+    Attributes:
+        path: of the picture.
+        grey: (H, W) uint8, 0 black to 255 white, as it is shown.
+        occupancy: (H, W) int8, P(occupied) in per cent, -1 unknown (as OccupancyGrid has it).
+        resolution: m a pixel, None where it is not known.
+        origin: pose of the picture's lower left corner in the yaml's frame: m, m, rad.
+        placed: a yaml or an option says the origin.
+        inputs: path -> SHA-256 of every file that was read.
+    """
+
+    path: Path
+    grey: Grey
+    occupancy: Cells
+    resolution: float | None
+    origin: Pose
+    placed: bool
+    inputs: dict[str, str]
+
+    @property
+    def wall(self) -> Mask:
+        """(H, W) pixels that are wall: P(occupied) above one half."""
+        return self.occupancy > 50
+
+    @property
+    def known(self) -> Mask:
+        """(H, W) pixels that say anything."""
+        return self.occupancy >= 0
+
+    @property
+    def frame(self) -> Pose:
+        """Pose of the plan's frame in the yaml's frame: a turn only."""
+        return Pose(0.0, 0.0, self.origin.yaw)
+
+    @property
+    def corner(self) -> tuple[float, float]:
+        """x, y in m of the picture's lower left corner in the plan's frame."""
+        if self.origin.yaw == 0.0:
+            return self.origin.x, self.origin.y
+        x, y, _ = self.frame.inverse() @ self.origin
+        return x, y
+
+    @property
+    def scale(self) -> float:
+        """The resolution, m a pixel, where the work cannot go on without it.
+
+        Raises:
+            UsageError: it is not known.
+        """
+        if self.resolution is None:
+            hint = "give --plan-resolution M_PER_PIXEL, or a map yaml beside it"
+            raise UsageError(self.path, "nothing says how large a pixel is", hint=hint)
+        return self.resolution
+
+    @property
+    def extent(self) -> Extent:
+        """x0, y0, x1, y1 in m in the plan's frame.
+
+        Raises:
+            UsageError: the resolution is not known.
+        """
+        x, y = self.corner
+        rows, cols = self.occupancy.shape
+        return x, y, x + cols * self.scale, y + rows * self.scale
+
+
+def overlap(a: Extent, b: Extent) -> float:
+    """Area in m² that two extents (x0, y0, x1, y1) share; 0 where they lie apart."""
+    wide = min(a[2], b[2]) - max(a[0], b[0])
+    high = min(a[3], b[3]) - max(a[1], b[1])
+    return wide * high if wide > 0 and high > 0 else 0.0
+
+
+def open_plan(
+    path: AnyPath,
+    notes: Notes,
+    *,
+    yaml: AnyPath | None = None,
+    resolution: float | None = None,
+    origin: Pose | None = None,
+    invert: bool | None = None,
+) -> Plan:
+    """Read a plan: a picture, with the map yaml given or of its stem beside it, or a map yaml.
+
+    With a yaml, nav2's rules say what is wall (`map_file.cells_of`). A plain picture's wall is its
+    ink, grey below half of white; light lines on a dark ground are noticed and turned over.
+
+    Args:
+        path: a picture, or a map yaml, whose `image` is then followed.
+        notes: choices and oddities.
+        yaml: holds instead of the one beside the picture.
+        resolution: m a pixel; overrules the yaml's.
+        origin: pose of the lower left corner; overrules the yaml's.
+        invert: True or False: whether the ink is light, instead of looking.
+
+    Raises:
+        FormatError: not readable, too large, damaged, of one colour, or without any wall; faults
+            of the yaml with line and column.
+    """
+    picture = Path(path)
+    inputs: dict[str, str] = {}
+    if _is_yaml(picture):
+        if yaml is not None and Path(yaml) != picture:
+            raise UsageError(picture, "is a yaml itself, and another one is given", hint="one only")
+        values: MapYaml | None = _read_yaml(picture, notes, inputs, picture=False)
+        picture = _pictured(picture, values.image, notes) if values else picture
+    else:
+        text = Path(yaml) if yaml is not None else _yaml_beside(picture)
+        values = _read_yaml(text, notes, inputs, picture=True) if text else None
+        if text and values and Path(values.image).name != picture.name:
+            said = f"says {values.image!r}" if values.image else "is missing"
+            notes.warn(text, f"its image {said}; its values are taken for {picture.name}")
+    data = _bytes(picture)
+    inputs[str(picture)] = hashlib.sha256(data).hexdigest()
+    grey, occupancy = _opener(picture, data)(picture, data, values, invert, notes)
+    _check(picture, grey, occupancy)
+    if values:
+        resolution = values.resolution if resolution is None else resolution
+        origin = values.origin if origin is None else origin
+    return Plan(
+        picture,
+        grey,
+        occupancy,
+        resolution,
+        origin or Pose(0.0, 0.0, 0.0),
+        origin is not None,
+        inputs,
+    )
+
+
+def _bytes(path: Path) -> bytes:
+    """The whole file, if it is one and not beyond reason."""
+    try:
+        if path.is_dir():
+            raise FormatError(path, "is a folder, not a plan")
+        if not path.exists():
+            raise FormatError(path, "does not exist")
+        if not path.is_file():
+            raise FormatError(path, "is not an ordinary file")
+        size = path.stat().st_size
+        if size > LARGEST_FILE:
+            raise FormatError(path, f"{size:,} bytes are too many for a plan")
+        return path.read_bytes()
+    except OSError as error:
+        raise FormatError(path, f"cannot be read: {error.strerror or error}") from None
+
+
+def _is_yaml(path: Path) -> bool:
+    """By its suffix, else by its first words."""
+    if path.suffix.lower() in YAML_SUFFIXES:
+        return True
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        head = file.read(4096)
+    return re.search(rb"^(image|resolution):\s", head, re.MULTILINE) is not None
+
+
+def _read_yaml(path: Path, notes: Notes, inputs: dict[str, str], *, picture: bool) -> MapYaml:
+    data = _bytes(path)
+    inputs[str(path)] = hashlib.sha256(data).hexdigest()
+    return read_map_yaml(path, data, notes, picture=picture)
+
+
+def _yaml_beside(picture: Path) -> Path | None:
+    """The map yaml of the picture's stem, where there is one."""
+    for suffix in YAML_SUFFIXES:
+        if picture.with_suffix(suffix).is_file():
+            return picture.with_suffix(suffix)
+    return None
+
+
+def _pictured(yaml: Path, image: str, notes: Notes) -> Path:
+    """The picture that a yaml names, or the one of its stem beside it."""
+    named = yaml.parent / image
+    if _exists(named):
+        return named
+    stems = [yaml.with_suffix(s) for s in (Path(image).suffix, *SUFFIXES) if s.startswith(".")]
+    for other in (*stems, yaml.parent / Path(image).name):
+        if other.suffix.lower() not in YAML_SUFFIXES and _exists(other):
+            notes.warn(yaml, f"its image {image!r} is not there; {other.name} beside it is taken")
+            return other
+    hint = f"put the picture beside it as {yaml.with_suffix('.png').name}"
+    raise FormatError(yaml, f"its image {image!r} is not there", hint=hint)
+
+
+def _exists(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # a name too long, or with a NUL
+        return False
+
+
+Opener = Callable[[Path, bytes, "MapYaml | None", "bool | None", Notes], Picture]
+
+
+def open_raster(
+    path: Path, data: bytes, values: MapYaml | None, invert: bool | None, notes: Notes
+) -> Picture:
+    """Grey and occupancy of a picture of pixels."""
+    raster = read_raster(path, data, notes, colour=values is not None)
+    if values is not None:
+        if raster.header.turn != 1:
+            notes.warn(path, "its EXIF turn is ignored, since a map yaml holds for the stored rows")
+        occupancy = cells_of(path, raster, values, notes)
+        return raster.grey(upright=False), occupancy
+    return drawn(path, paper_grey(path, raster, notes), invert, notes)
+
+
+OPENERS: tuple[tuple[Callable[[bytes], bool], Opener], ...] = ((is_picture, open_raster),)
+"""What the first 4 KiB tell -> what reads it."""
+
+STRANGERS = (
+    (rb"version https://git-lfs", "is a Git LFS pointer, not the picture; run `git lfs pull`"),
+    (rb"%PDF", "is a PDF, which is not read; save it as PNG"),
+    (rb"\s*(<\?xml[^>]*>\s*)?(<!--.*?-->\s*)*(<!DOCTYPE svg[^>]*>\s*)?<svg", "is an SVG, "
+     "which is not read; save it as PNG"),
+    (rb"\s*0\r?\n\s*SECTION", "is a DXF, which is not read; save it as PNG"),
+    (rb"\x89MCAP|#ROSBAG|SQLite format 3", "is a log, not a plan"),
+)  # fmt: skip
+
+
+def _opener(path: Path, data: bytes) -> Opener:
+    """By the first bytes, whatever the suffix.
+
+    Raises:
+        FormatError: nothing fits; says what it is where that is known.
+    """
+    head = data[:4096]
+    if not head:
+        raise FormatError(path, "is empty (0 bytes)")
+    for fits, opener in OPENERS:
+        if fits(head):
+            return opener
+    for pattern, what in STRANGERS:
+        if re.match(pattern, head, re.DOTALL):
+            raise FormatError(path, what)
+    raise FormatError(path, "is not a picture that is read", hint="give PNG, PGM, JPEG or TIFF")
+
+
+def _check(path: Path, grey: Grey, occupancy: Cells) -> None:
+    """A plan must show something.
+
+    Raises:
+        FormatError: one colour, nothing but wall, or no wall at all.
+    """
+    rows, cols = grey.shape
+    size = f"{cols} x {rows} pixels"
+    low, high = int(grey.min()), int(grey.max())
+    if low == high:
+        name = {0: "black", 255: "white"}.get(low, f"grey {low}")
+        raise FormatError(path, f"every pixel is {name} ({size})", hint="is it the right picture?")
+    highest = int(occupancy.max())
+    if highest <= 50:
+        what = "nothing in it is known" if highest < 0 else f"no pixel of it is wall ({size})"
+        raise FormatError(path, what, hint="walls must be darker than half of white, or occupied")
+    if int(occupancy.min()) > 50:
+        raise FormatError(path, f"every pixel of it is wall ({size})")
