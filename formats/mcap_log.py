@@ -1,0 +1,168 @@
+"""MCAP logs, whole, cut or damaged (mcap.dev/spec): everything readable, every loss counted."""
+
+from __future__ import annotations
+
+import mmap
+from collections.abc import Collection, Iterator
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import cast
+from zlib import crc32
+
+import numpy as np
+import numpy.typing as npt
+
+from formats.errors import FormatError, Notes
+from formats.log import Message, Topic
+from formats.mcap_blocks import Block, Entries, Loaded, entries, walk_block
+from formats.mcap_merge import merged
+from formats.mcap_parse import MAX_CHUNK, MalformedError, parse
+from formats.mcap_records import ATTACHMENT, MAGIC, METADATA, Attachment, Metadata
+from formats.mcap_scan import note_chunk, scan
+from formats.mcap_topics import topics_of
+
+CHANNELS = 1 << 16
+LFS = b"version https://git-lfs"
+
+
+def fits(path: Path, head: bytes) -> bool:
+    """Whether the first bytes are an MCAP file's, of any version."""
+    return head[1:5] == MAGIC[1:5]
+
+
+def open_file(
+    path: Path, notes: Notes, max_chunk: int = MAX_CHUNK, unpacked: Path | None = None
+) -> McapLog:
+    """Open an MCAP log.
+
+    Args:
+        path: the file, as the user names it.
+        notes: where losses and oddities are counted, now and while messages are read.
+        max_chunk: the most bytes that one chunk may decompress to.
+        unpacked: where its bytes lie, if `path` itself is compressed.
+
+    Raises:
+        FormatError: not an MCAP file, or of a major version that nobody has defined.
+    """
+    try:
+        with (unpacked or path).open("rb") as file:
+            head = file.read(len(MAGIC))
+            _refuse(path, head, file.read(len(LFS)))
+            pages = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    except OSError as error:
+        raise FormatError(path, f"cannot be read: {error.strerror}") from error
+    if head != MAGIC:
+        notes.warn(path, "its first bytes are damaged", at="byte 0")
+    return McapLog(path, pages, notes, max_chunk)
+
+
+def _refuse(path: Path, head: bytes, more: bytes) -> None:
+    if not head:
+        raise FormatError(path, "is empty")
+    if (head + more).startswith(LFS):
+        hint = "get the file itself with `git lfs pull`"
+        raise FormatError(path, "is a Git LFS pointer, not the log", hint=hint)
+    if not fits(path, head):
+        raise FormatError(path, "is not an MCAP file")
+    version = head[5:6]
+    if version != MAGIC[5:6] and head[6:] == MAGIC[6:]:
+        name = version.decode("ascii", "backslashreplace")
+        hint = "convert it with a tool that reads it"
+        raise FormatError(path, f"is of MCAP version {name}; only version 0 is known", hint=hint)
+
+
+class McapLog:
+    """An opened MCAP file; see `formats.log.Log`."""
+
+    def __init__(self, path: Path, pages: mmap.mmap, notes: Notes, max_chunk: int) -> None:
+        self.path, self._pages, self._notes, self._max_chunk = path, pages, notes, max_chunk
+        self._data = memoryview(pages)
+        self._contents, self.container, indexed = scan(path, self._data, notes, max_chunk)
+        self._tables = topics_of(path, notes, self._contents.parts)
+        # Blocks that have not been opened yet: their losses are not in the notes.
+        self._unseen = {block.at for block in self._contents.blocks} if indexed else set()
+
+    def topics(self) -> list[Topic]:
+        """Every topic, sorted by name and type; publishers of one topic are taken together."""
+        found = {topic for table in self._tables for topic in table.values()}
+        return sorted(found, key=lambda topic: (topic.name, topic.type, topic.encoding))
+
+    def messages(self, topics: Collection[Topic] | None = None) -> Iterator[Message]:
+        """The messages of these topics (None: all), sorted by log time, file order where equal.
+
+        Chunks without any of the topics are not opened where the file has an index.
+        """
+        chosen = set(self.topics() if topics is None else topics)
+        tables = [
+            {channel: topic for channel, topic in table.items() if topic in chosen}
+            for table in self._tables
+        ]
+        blocks = [
+            block
+            for block in self._contents.blocks
+            if block.channels is None or block.channels & tables[block.part].keys()
+        ]
+        blocks.sort(key=lambda block: (block.first_ns, block.at))
+        masks = [_mask(table) for table in tables]
+
+        def index(block: Block, chunk: Loaded) -> Entries:
+            found = self._index(block, chunk)
+            wanted = masks[block.part][found["channel"]]
+            return found if wanted.all() else found[wanted]
+
+        yield from merged(self._data, blocks, index, tables, self._max_chunk)
+
+    def _index(self, block: Block, chunk: Loaded) -> Entries:
+        """All messages of a block; what it lost is counted when it is opened first."""
+        walked = walk_block(chunk.data, 0, len(chunk.data))
+        found = entries(chunk.data, walked.messages)
+        if block.at in self._unseen:
+            self._unseen.remove(block.at)
+            part = self._contents.parts[block.part]
+            before = self._notes.total("lost")
+            note_chunk(self.path, self._data, self._notes, part, block, chunk, found, walked)
+            if self._notes.total("lost") > before:
+                state = f"damaged at byte {block.at}"
+                self.container = replace(self.container, whole=False, state=state)
+        return found
+
+    def attachments(self) -> Iterator[tuple[str, str, memoryview]]:
+        """Name, media type and bytes of each attachment; names are as recorded, so never paths.
+
+        The bytes are views on the file, valid while the log is open.
+        """
+        for start, stop in self._contents.attachments:
+            try:
+                found = cast("Attachment", parse(ATTACHMENT, self._data[start:stop]))
+            except MalformedError:
+                self._notes.lose(self.path, "damaged attachment", at=f"byte {start}")
+                continue
+            checked = self._data[start : stop - 4]
+            if found.crc and crc32(checked) != found.crc:
+                problem = "attachment whose CRC does not match"
+                self._notes.lose(self.path, problem, at=f"byte {start}")
+                continue
+            yield found.name, found.media_type, cast("memoryview", found.data)
+
+    def metadata(self) -> Iterator[tuple[str, dict[str, str]]]:
+        """Name and pairs of each metadata record."""
+        for start, stop in self._contents.metadata:
+            try:
+                found = cast("Metadata", parse(METADATA, self._data[start:stop]))
+            except MalformedError:
+                self._notes.lose(self.path, "damaged metadata", at=f"byte {start}")
+                continue
+            yield found.name, found.metadata
+
+    def close(self) -> None:
+        """Give the file back; views on it that are still held keep its pages until they go."""
+        with suppress(BufferError):
+            self._data.release()
+            self._pages.close()
+
+
+def _mask(table: dict[int, Topic]) -> npt.NDArray[np.bool_]:
+    mask = np.zeros(CHANNELS, dtype=np.bool_)
+    mask[list(table)] = True
+    return mask

@@ -1,0 +1,246 @@
+"""What is in an MCAP file: by its summary where that holds, else by opening every chunk."""
+
+from __future__ import annotations
+
+from collections import Counter
+from zlib import crc32
+
+from formats.errors import Notes, Path
+from formats.log import Container
+from formats.mcap_blocks import (
+    Block,
+    Entries,
+    Loaded,
+    Walked,
+    channel_counts,
+    entries,
+    loaded,
+    release,
+    walk_block,
+)
+from formats.mcap_contents import Contents, Part, define
+from formats.mcap_parse import HEAD, MalformedError, parse
+from formats.mcap_records import MESSAGE_INDEX, MessageIndex
+from formats.mcap_summary import Summary, read_summary
+from formats.mcap_top import Top
+
+PIECE = 16 << 20
+
+
+def scan(
+    path: Path, data: memoryview, notes: Notes, max_chunk: int
+) -> tuple[Contents, Container, bool]:
+    """Everything in an MCAP file, what the file is, and whether chunks are still to be opened.
+
+    Args:
+        path: the name to give in notes.
+        data: the whole file, from its magic on.
+        notes: where losses and oddities are counted.
+        max_chunk: the most bytes that a chunk may decompress to.
+    """
+    summary = read_summary(data)
+    quiet = Notes()
+    contents = Top(path, data, quiet).walk()
+    indexed = not list(quiet) and _agrees(contents, summary)
+    for note in quiet:
+        notes.add(note.kind, path, note.problem, at=note.at, count=note.count)
+    if indexed:
+        _use(contents, summary)
+    else:
+        _survey(path, data, notes, max_chunk, contents)
+        _compare(path, notes, contents, summary)
+    _check_data(path, data, notes, contents)
+    _say_cut(path, notes, contents)
+    if summary.state in ("CRC wrong", "malformed"):
+        notes.warn(path, f"summary not used: {summary.state}; read from end to end")
+    return contents, _container(data, contents, summary, indexed), indexed
+
+
+def _agrees(contents: Contents, summary: Summary) -> bool:
+    """Whether the summary tells all about the chunks that are really there."""
+    if not summary.complete or contents.cut or contents.damaged is not None:
+        return False
+    chunks = [block for block in contents.blocks if not block.run]
+    if len(chunks) != len(summary.chunks):
+        return False
+    for block in chunks:
+        index = summary.chunks.get(block.at)
+        if index is None or (
+            index.message_start_time,
+            index.message_end_time,
+            index.compression,
+            index.compressed_size,
+            index.uncompressed_size,
+        ) != (
+            block.first_ns,
+            block.last_ns,
+            block.compression,
+            block.stop - block.start,
+            block.size,
+        ):
+            return False
+    return True
+
+
+def _use(contents: Contents, summary: Summary) -> None:
+    part = contents.parts[0]
+    part.schemas |= summary.schemas
+    part.channels |= summary.channels
+    assert summary.statistics is not None
+    part.counts = Counter(summary.statistics.channel_message_counts)
+    for block in contents.blocks:
+        if not block.run and (ids := summary.chunks[block.at].message_index_offsets):
+            block.channels = frozenset(ids)
+
+
+def _survey(path: Path, data: memoryview, notes: Notes, max_chunk: int, contents: Contents) -> None:
+    """Open every chunk, in the order of the file, for its channels, counts and times."""
+    chunks = [block for block in contents.blocks if not block.run]
+    seen = 0
+    for block, chunk in zip(chunks, loaded(data, chunks, max_chunk), strict=True):
+        part = contents.parts[block.part]
+        walked = walk_block(chunk.data, 0, len(chunk.data))
+        for opcode, start, stop in walked.others:
+            define(path, notes, part, opcode, chunk.data[start:stop], block.at, inside=True)
+        index = entries(chunk.data, walked.messages)
+        found = channel_counts(index)
+        part.counts += found
+        block.channels = frozenset(found)
+        if len(index):
+            block.first_ns, block.last_ns = int(index["time"].min()), int(index["time"].max())
+        note_chunk(path, data, notes, part, block, chunk, index, walked)
+        seen += block.stop - block.start
+        if seen > 64 << 20:
+            release(data)
+            seen = 0
+    _check_channels(path, notes, contents)
+
+
+def note_chunk(
+    path: Path,
+    data: memoryview,
+    notes: Notes,
+    part: Part,
+    block: Block,
+    chunk: Loaded,
+    index: Entries,
+    walked: Walked,
+) -> None:
+    """Count what a chunk lost, by topic where the message index behind it tells.
+
+    Args:
+        path: the file.
+        data: its bytes.
+        notes: where to count.
+        part: the chunk's.
+        block: the chunk.
+        chunk: what could be had of it.
+        index: of the messages that were read from it.
+        walked: how far its records go.
+    """
+    place = f"byte {block.at}"
+    if chunk.problem and not chunk.lost:
+        notes.warn(path, chunk.problem, at=place)
+    if block.run or (not chunk.lost and walked.end == len(chunk.data)):
+        return
+    problem = chunk.problem if chunk.lost else "records inside a chunk that cannot be read"
+    if block.cut and block.stop == len(data):
+        return  # said once, as the end of the file
+    missing = _indexed(data, block.stop) - channel_counts(index)
+    for channel, count in missing.items():
+        known = part.channels.get(channel)
+        topic = known.topic if known else f"channel {channel}"
+        notes.lose(path, f"{problem}: messages lost", topic=topic, at=place, count=count)
+    if not missing:
+        notes.lose(path, problem, at=place)
+
+
+def _indexed(data: memoryview, at: int) -> Counter[int]:
+    """Messages by channel, as the message indexes behind a chunk say."""
+    counts: Counter[int] = Counter()
+    while at + HEAD.size <= len(data):
+        opcode, size = HEAD.unpack_from(data, at)
+        at += HEAD.size
+        if opcode != MESSAGE_INDEX or size > len(data) - at:
+            break
+        try:
+            index = parse(opcode, data[at : at + size])
+        except MalformedError:
+            break
+        assert isinstance(index, MessageIndex)
+        counts[index.channel_id] += len(index.records)
+        at += size
+    return counts
+
+
+def _check_channels(path: Path, notes: Notes, contents: Contents) -> None:
+    for part in contents.parts:
+        for channel in sorted(part.counts.keys() - part.channels.keys()):
+            problem = f"messages on channel {channel}, which is not defined"
+            notes.lose(path, problem, count=part.counts.pop(channel))
+
+
+def _compare(path: Path, notes: Notes, contents: Contents, summary: Summary) -> None:
+    """Count messages that sound statistics speak of and nothing else has missed."""
+    if summary.state != "ok" or summary.statistics is None or len(contents.parts) > 1:
+        return
+    part = contents.parts[0]
+    missing = Counter(summary.statistics.channel_message_counts) - part.counts
+    if missing.total() <= notes.total("lost"):
+        return
+    for channel, count in missing.items():
+        known = part.channels.get(channel) or summary.channels.get(channel)
+        topic = known.topic if known else f"channel {channel}"
+        notes.lose(path, "messages that the statistics count are missing", topic=topic, count=count)
+
+
+def _check_data(path: Path, data: memoryview, notes: Notes, contents: Contents) -> None:
+    """Check the data section's CRC where messages have no CRC of their own."""
+    for number, part in enumerate(contents.parts):
+        at, crc = part.data_end
+        bare = any(not block.crc for block in contents.blocks if block.part == number)
+        if not crc or not bare or notes.total("lost"):
+            continue
+        value = 0
+        for begin in range(part.begin, at, PIECE):
+            value = crc32(data[begin : min(begin + PIECE, at)], value)
+            release(data)
+        if value != crc:
+            contents.damaged = part.begin
+            notes.lose(path, "the data section's CRC does not match: some message is damaged")
+
+
+def _say_cut(path: Path, notes: Notes, contents: Contents) -> None:
+    if contents.cut is None:
+        return
+    kind, problem, at = contents.cut
+    place = f"byte {at}"
+    times = [(block.first_ns, block.last_ns) for block in contents.blocks if block.channels]
+    if times:
+        seconds = (max(last for _, last in times) - min(first for first, _ in times)) / 1e9
+        place += f", {seconds:.2f} s after its start"
+    notes.add(kind, path, problem, at=place)
+
+
+def _container(data: memoryview, contents: Contents, summary: Summary, indexed: bool) -> Container:
+    kinds = {block.compression or "none" for block in contents.blocks}
+    filled = [block for block in contents.blocks if block.channels != frozenset()]
+    profile = contents.parts[0].profile
+    if contents.cut:
+        state = f"cut at byte {contents.cut[2]}"
+    elif contents.damaged is not None:
+        state = f"damaged at byte {contents.damaged}"
+    elif indexed:
+        state = "complete (CRC ok)"
+    else:
+        reasons = {"none": "no summary", "no CRC": "summary without CRC", "ok": "no index"}
+        state = f"complete ({reasons.get(summary.state, summary.state)})"
+    return Container(
+        kind=f"MCAP {profile}".strip(),
+        compression=", ".join(sorted(kinds)) or "none",
+        size=len(data),
+        start_ns=min((block.first_ns for block in filled), default=0),
+        end_ns=max((block.last_ns for block in filled), default=0),
+        whole=not contents.cut and contents.damaged is None,
+        state=state,
+    )
