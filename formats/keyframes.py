@@ -43,7 +43,9 @@ def change(frame: int, now: Counted, before: Counted) -> Change:
 
 def joined(first: Change, second: Change) -> Change:
     """Two changes, one after the other, as one."""
-    where = np.union1d(first.where, second.where)
+    both = np.concatenate([first.where, second.where])
+    both.sort(kind="stable")  # merges the two runs in one go; np.unique takes ten times as long
+    where = both[np.diff(both, prepend=-1) != 0]
     added = np.zeros(len(where), dtype=np.uint32)
     for part in (first, second):
         added[np.searchsorted(where, part.where)] += part.added
@@ -107,7 +109,9 @@ class Pictures:
         """Bring every map up to a keyframe."""
         change.add_to(self._seen)
         counts = self._seen.counts.reshape(len(self._seen.counts), -1)
-        cells = np.unique(change.where % counts.shape[1])
+        touched = np.zeros(counts.shape[1], dtype=np.bool_)
+        touched[change.where % counts.shape[1]] = True
+        cells = np.flatnonzero(touched)
         strip = Geometry(1, len(cells), 1.0, 0.0, 0.0)
         part = Evidence(strip, counts[:, None, cells])
         for name, (prior, p_levels, update) in self._curves.items():
