@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 from struct import Struct
 from typing import Any
@@ -57,6 +58,23 @@ def cut(size: int, needed: int, what: str) -> Undecodable:
     return Undecodable("cut short", f"after {size} of {needed} bytes")
 
 
+class ScanLayouts(dict[int, tuple[Callable[[Payload], tuple[Any, ...]], int]]):
+    """A LaserScan up to its ranges, by the length of frame_id: how to unpack it, its size.
+
+    Unpacked: sec, nanosec, length of frame_id, frame_id, seven floats, number of ranges.
+    """
+
+    def __init__(self, wire: Wire) -> None:
+        self.order, self.ros1 = wire.order, wire.ros1
+
+    def __missing__(self, length: int) -> tuple[Callable[[Payload], tuple[Any, ...]], int]:
+        padding = 0 if self.ros1 else -length % 4
+        start = "4xII" if self.ros1 else "4xiI"  # seq or the encapsulation, then the stamp
+        made = Struct(f"{self.order}{start}I{length}s{padding}x7fI")
+        self[length] = made.unpack_from, made.size
+        return self[length]
+
+
 class Wire:
     """One encoding: byte order, where the body starts, how far items are aligned.
 
@@ -69,14 +87,13 @@ class Wire:
         self.order, self.widest, self.ros1 = order, widest, widest == 1
         self.start = 0 if self.ros1 else 4  # alignment counts from behind the encapsulation
         self.slack = 0 if self.ros1 else 3  # RTPS pads a payload to whole 4 bytes
-        self.mask4 = min(4, widest) - 1
         self.long_text = plain_text if self.ros1 else ended_text
         self.short_text = lru_cache(1024)(self.long_text)  # frame ids repeat
         self.layouts: dict[str, tuple[Struct, int, int]] = {}
-        # Encapsulation or seq; then sec, nanosec, the length of frame_id: always 16 bytes.
-        self.head = Struct(order + ("4xIII" if self.ros1 else "4xiII")).unpack_from
-        self.seven = Struct(order + "7fI").unpack_from
-        self.f4 = np.dtype(order + "f4")
+        self.scans = ScanLayouts(self)
+        self.low = 12 if order == "<" else 15  # the low byte of frame_id's length
+        self.u4, self.f4 = Struct(order + "I").unpack_from, np.dtype(order + "f4")
+        self.longest = 255 if self.f4.isnative else -1  # frame_id that the fast reading allows
 
     def layout(self, items: str) -> tuple[Struct, int, int]:
         """The compiled items of one size ("7f"), their bytes together, their alignment's mask."""
@@ -84,18 +101,6 @@ class Wire:
         found = made, made.size, min(SIZES[items[-1]], self.widest) - 1
         self.layouts[items] = found
         return found
-
-    def header(self, data: Payload) -> tuple[int, str, int]:
-        """std_msgs/Header: stamp in ns, frame_id, and the offset of what follows.
-
-        Where the payload ends within frame_id, that offset lies behind its end.
-        """
-        sec, nanosec, length = self.head(data)
-        end = 16 + length
-        stamp = sec * SECOND + nanosec
-        if nanosec >= SECOND:
-            stamp = OddStamp(stamp)
-        return stamp, self.text(bytes(data[16:end])), end
 
     def text(self, raw: bytes) -> str:
         """The text in a string's bytes."""
