@@ -19,6 +19,7 @@ from formats.frame import Pose
 Mode = Literal["trinary", "scale", "raw"]
 MODES: tuple[str, ...] = get_args(Mode)
 LONGEST = 65_536
+DEEPEST = 20
 FINEST, COARSEST = 1e-5, 100.0  # m a pixel
 KEYS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh", "mode")
 NAV2_KEYS = ("elevation_image", "min_height", "max_height", "octomap_file", "binary")
@@ -201,10 +202,14 @@ def compose(path: AnyPath, text: str) -> Node | None:
     Raises:
         FormatError: faults of the syntax, with line and column.
     """
-    faulty = Faulty(path)
+    depth = 0
     try:
         for event in yaml.parse(text, Loader=yaml.SafeLoader):
             at = f"{printable(path)}{place(event.start_mark)}"
+            depth += isinstance(event, yaml.CollectionStartEvent)
+            depth -= isinstance(event, yaml.CollectionEndEvent)
+            if depth > DEEPEST:  # PyYAML's time grows with the square of the depth
+                raise FormatError(at, "the map yaml is nested too deeply")
             if isinstance(event, yaml.AliasEvent):
                 raise FormatError(at, f"alias *{printable(event.anchor, 40)} is refused")
             tag = getattr(event, "tag", None)
@@ -220,8 +225,6 @@ def compose(path: AnyPath, text: str) -> Node | None:
         column = error.position - (text.rfind("\n", 0, error.position) + 1)
         at = f":{line + 1}:{column + 1}"
         raise FormatError(f"{printable(path)}{at}", "holds a character that yaml forbids") from None
-    except RecursionError:
-        faulty.fail(None, "the map yaml is nested too deeply")
 
 
 def keyed(faulty: Faulty, root: MappingNode) -> dict[str, Node]:

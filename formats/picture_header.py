@@ -164,17 +164,18 @@ def read_tiff(data: bytes) -> Header:
         width, height = tags[256][0], tags[257][0]
     except (KeyError, IndexError):
         raise PictureError("the TIFF does not say its size") from None
-    for offsets, sizes in ((273, 279), (324, 325)):
-        pairs = zip(tags.get(offsets, ()), tags.get(sizes, ()), strict=False)
-        if any(start + size > len(data) for start, size in pairs):
-            raise cut(len(data))
     channels = tags.get(277, (1,))[0]
     alpha = bool(tags.get(338)) and tags[338][0] in (1, 2)
     depth = max(8, *tags.get(258, (1,)))
     if depth > 16:
         raise PictureError(f"TIFF samples of {depth} bits are not read", "save it with 8 or 16")
-    pages = 2 if following else 1
-    return Header("TIFF", width, height, channels, depth, alpha, pages=pages)
+    header = Header("TIFF", width, height, channels, depth, alpha, pages=2 if following else 1)
+    header.check_size()  # before the file is called cut
+    for offsets, sizes in ((273, 279), (324, 325)):
+        pairs = zip(tags.get(offsets, ()), tags.get(sizes, ()), strict=False)
+        if any(start + size > len(data) for start, size in pairs):
+            raise cut(len(data))
+    return header
 
 
 def exif_turn(data: bytes) -> int:
@@ -231,6 +232,8 @@ def read_bmp(data: bytes) -> Header:
     start = struct.unpack_from("<I", data, 10)[0]
     width, height, _, bits, packing = struct.unpack_from("<iiHHI", data, 18)
     width, height = abs(width), abs(height)
+    header = Header("BMP", width, height, 4 if bits == 32 else 3, 8)
+    header.check_size()  # before the file is called cut
     if packing == 0 and start + ((width * bits + 31) // 32) * 4 * height > len(data):
         raise cut(len(data))
-    return Header("BMP", width, height, 4 if bits == 32 else 3, 8)
+    return header
