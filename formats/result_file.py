@@ -53,8 +53,10 @@ class ResultWriter:
     """Writes one result file, whole or not at all, as a context manager.
 
     Frames are held as some 200 bytes each (in a temporary file when they are many) and evidence
-    as changes between keyframes, until `finish` writes all in the order of time. The same run
-    gives the same bytes but for the metadata record "written" and the data section's checksum.
+    as changes between keyframes, until `finish` writes all in the order of time. Maps show
+    P(occupied) of every cell, so the prior's where no reading came; the evidence says where. The
+    same run gives the same bytes but for the metadata record "written" and the data section's
+    checksum.
 
     Args:
         path: of the file, by habit "STEM.replay.mcap".

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import mmap
+import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 import numpy.typing as npt
@@ -18,10 +21,14 @@ from formats.errors import Path as AnyPath
 from formats.frame import Pose
 from formats.grid import Evidence, Floats, Geometry, Grid
 from formats.keyframes import Change
+from formats.mcap_log import open_file
 from formats.result import Curve, Result
 
 FORMAT = 1  # of the file; raised when an older reader would misread it
 RECORD = "replay"  # the metadata record that makes an MCAP a result
+AGAIN = "run `replay run` on its log again"
+DATA_END, FOOTER = 13, 37  # bytes that end an MCAP: of the record; of the footer and the magic
+READ = ("/pose", "/cells", "/evidence", "/metrics/")  # the rest is there for other programs
 MAX_COUNTS = 1 << 29  # levels * rows * cols: 2 GiB of counts
 
 Stream = list[tuple[int, bytes]]  # log time (ns) and payload of each message of a topic
@@ -102,6 +109,8 @@ def read_result(path: AnyPath, notes: Notes | None = None) -> RunFile:
     if RECORD not in metadata:
         hint = "`replay run` writes results; `replay info` looks into logs"
         raise FormatError(path, f'not a result of replay: no metadata record "{RECORD}"', hint=hint)
+    if not _sound(path):
+        raise FormatError(path, "damaged: the checksum of its data does not match", hint=AGAIN)
     record = _record(path, metadata[RECORD])
     try:
         return _run_file(path, record, metadata, attachments, messages)
@@ -109,7 +118,7 @@ def read_result(path: AnyPath, notes: Notes | None = None) -> RunFile:
         raise
     except Exception as error:  # a file may say anything; what it says wrong is one line
         problem = f"a result that does not fit together ({type(error).__name__}: {error})"
-        raise FormatError(path, problem, hint="run `replay run` on its log again") from error
+        raise FormatError(path, problem, hint=AGAIN) from error
 
 
 def _record(path: Path, fields: Mapping[str, str]) -> dict[str, Any]:
@@ -212,32 +221,37 @@ def _change(geometry: Geometry, levels: int, frames: int, data: bytes) -> Change
 def _contents(
     path: Path, notes: Notes
 ) -> tuple[dict[str, dict[str, str]], dict[str, bytes], Messages]:
-    """Metadata, attachments, and messages by topic."""
-    from mcap.records import Attachment, Channel, Message, Metadata
-    from mcap.stream_reader import StreamReader
-
-    metadata: dict[str, dict[str, str]] = {}
-    attachments: dict[str, bytes] = {}
-    messages: Messages = {}
-    topics: dict[int, str] = {}
+    """Metadata, attachments, and messages by topic, of a file that is whole to the last bit."""
+    said = Notes()
+    log = open_file(path, said)
     try:
-        file = path.open("rb")
-    except OSError as error:
-        raise FormatError(path, f"cannot be read: {error.strerror}") from error
-    with file:
-        try:
-            for record in StreamReader(file, validate_crcs=True).records:
-                if isinstance(record, Channel):
-                    topics[record.id] = record.topic
-                elif isinstance(record, Message):
-                    stream = messages.setdefault(topics[record.channel_id], [])
-                    stream.append((record.log_time, record.data))
-                elif isinstance(record, Metadata):
-                    metadata[record.name] = record.metadata
-                elif isinstance(record, Attachment):
-                    attachments[record.name] = record.data
-        except Exception as error:
-            hint = "run `replay run` on its log again"
-            at = f"byte {file.tell()}"
-            raise FormatError(path, f"cut or damaged ({error})", at=at, hint=hint) from error
+        metadata = dict(log.metadata())
+        attachments = {name: bytes(data) for name, _, data in log.attachments()}
+        messages: Messages = {}
+        read = [topic for topic in log.topics() if topic.name.startswith(READ)]
+        for topic, time, data in log.messages(read):
+            messages.setdefault(topic.name, []).append((time, bytes(data)))
+        state = log.container.state if not log.container.whole else ""
+    finally:
+        log.close()
+    lost = [f"{note.problem} at {note.at}" for note in said.of("lost")]
+    if state or lost:
+        raise FormatError(path, f"damaged: {state or ', '.join(lost)}", hint=AGAIN)
+    for note in said:
+        notes.add(note.kind, path, note.problem, topic=note.topic, at=note.at, count=note.count)
     return metadata, attachments, messages
+
+
+def _sound(path: Path) -> bool:
+    """Whether the checksum of the data section holds, the only one that covers metadata.
+
+    The footer says where the summary begins; the record DataEnd with the checksum ends there.
+    """
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        (summary,) = struct.unpack_from("<Q", data, len(data) - FOOTER + 9)
+        end = min(summary, len(data)) - DATA_END
+        if end < 0 or data[end] != 0x0F:
+            return False
+        (crc,) = struct.unpack_from("<I", data, end + 9)
+        with memoryview(data) as view, view[:end] as checked:
+            return crc in (0, crc32(checked))  # 0: whoever copied the file left it out

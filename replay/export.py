@@ -197,10 +197,10 @@ def _picture(job: Job) -> bool:
     cells = (run.poses[:, :2] - (g.x, g.y)) / g.resolution
     pixels = np.column_stack([cells[:, 0], g.rows - cells[:, 1]]) * times - 0.5
     line = np.rint(pixels * 16).astype(np.int32)  # cv2 counts in sixteenths of a pixel
-    thick = max(1, times // 2)
+    thick = max(2, times // 2)
     cv2.polylines(image, [line], False, PATH, thick, cv2.LINE_AA, 4)
     for end, colour in ((line[0], START), (line[-1], PATH)):
-        cv2.circle(image, end.tolist(), 16 * (2 + 2 * thick), colour, -1, cv2.LINE_AA, 4)
+        cv2.circle(image, end.tolist(), 16 * (3 + thick), colour, -1, cv2.LINE_AA, 4)
     write_image(job.path("picture.png"), np.asarray(image, dtype=np.uint8))
     return True
 
