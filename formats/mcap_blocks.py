@@ -10,12 +10,11 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
-from zlib import crc32
 
 import numpy as np
 import numpy.typing as npt
 
-from formats.compression import inflate
+from formats.compression import crc32, inflate
 from formats.errors import printable
 from formats.mcap_parse import HEAD
 from formats.mcap_records import CHUNK, DATA_END, FOOTER, HEADER, MESSAGE, Buffer
@@ -24,7 +23,7 @@ CHUNK_HEAD = struct.Struct("<QQQII")  # start, end, size, CRC, length of the com
 MESSAGE_HEAD = 22  # bytes of a message before its payload
 LARGEST_MESSAGE = 1 << 32
 TOP = frozenset({HEADER, FOOTER, CHUNK, DATA_END})  # where a run of plain records ends
-RUN_MESSAGES = 4096
+RUN_BYTES = 4 << 20
 MOST_OTHERS = 1_000_000  # records that are no messages; more in one block are a trap
 AHEAD = 3  # blocks that are loaded ahead of the reader
 AHEAD_BYTES = 32 << 20  # larger blocks are loaded one at a time
@@ -122,7 +121,7 @@ def loaded(data: memoryview, blocks: Iterable[Block], max_chunk: int) -> Iterato
     with ThreadPoolExecutor(2) as pool:
         for block in source:
             small = max(block.size, block.stop - block.start) <= AHEAD_BYTES
-            work = small and (block.crc or block.compression)
+            work = small and block.compression not in ("", "none")
             waiting.append(pool.submit(load, data, block, max_chunk) if work else block)
             if len(waiting) > AHEAD:
                 yield _ready(data, waiting.popleft(), max_chunk)
@@ -152,7 +151,7 @@ class Walked(NamedTuple):
 
 
 def walk_block(
-    data: Buffer, at: int, stop: int, ends: frozenset[int] = frozenset(), most: int = 0
+    data: Buffer, at: int, stop: int, ends: frozenset[int] = frozenset(), enough: int = 1 << 63
 ) -> Walked:
     """Walk the records of data[at:stop] that follow each other whole.
 
@@ -161,28 +160,24 @@ def walk_block(
         at: where to begin.
         stop: where to end.
         ends: opcodes before which the walk ends.
-        most: messages after which it ends; 0: no limit.
+        enough: bytes after which no other record is begun.
     """
     unpack = HEAD.unpack_from
     messages: array[int] = array("Q")
     others: list[tuple[int, int, int]] = []
     add = messages.append
-    last = stop - HEAD.size
+    last = min(stop - HEAD.size, at + enough)
     while at <= last:
         opcode, size = unpack(data, at)
         after = at + 9 + size
-        if after > stop or opcode == 0 or opcode in ends:
+        if after > stop:
             break
         if opcode == MESSAGE and MESSAGE_HEAD <= size < LARGEST_MESSAGE:
             add(at)
-            if most and len(messages) == most:
-                at = after
-                break
+        elif opcode == 0 or opcode in ends or len(others) == MOST_OTHERS:
+            break
         else:
             others.append((opcode, at + 9, after))
-            if len(others) == MOST_OTHERS:
-                at = after
-                break
         at = after
     return Walked(messages, others, at)
 

@@ -8,11 +8,11 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import cast
-from zlib import crc32
 
 import numpy as np
 import numpy.typing as npt
 
+from formats.compression import crc32
 from formats.errors import FormatError, Notes
 from formats.log import Message, Topic
 from formats.mcap_blocks import Block, Entries, Loaded, entries, walk_block
@@ -111,7 +111,7 @@ class McapLog:
             wanted = masks[block.part][found["channel"]]
             return found if wanted.all() else found[wanted]
 
-        yield from merged(self._data, blocks, index, tables, self._max_chunk)
+        return merged(self._data, blocks, index, tables, self._max_chunk)
 
     def _index(self, block: Block, chunk: Loaded) -> Entries:
         """All messages of a block; what it lost is counted when it is opened first."""

@@ -17,6 +17,7 @@ PIECE_BYTES = 32 << 20  # of messages that are made ready at a time
 PIECE = 4096
 RELEASED = 64 << 20  # bytes of the file between two releases of its pages
 NEVER = 1 << 64
+new = tuple.__new__  # a Message in half the time
 
 
 def merged(
@@ -77,7 +78,7 @@ def _messages(found: Entries, data: memoryview, topics: dict[int, Topic]) -> Ite
         starts = piece["start"]
         fields = (piece["channel"], piece["time"], starts, starts + piece["size"])
         for channel, time, start, stop in zip(*(f.tolist() for f in fields), strict=True):
-            yield Message(topics[channel], time, data[start:stop])
+            yield new(Message, (topics[channel], time, data[start:stop]))
 
 
 class _Waiting:

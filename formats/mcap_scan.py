@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from zlib import crc32
 
+from formats.compression import crc32
 from formats.errors import Notes, Path
 from formats.log import Container
 from formats.mcap_blocks import (

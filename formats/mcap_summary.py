@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import cast
-from zlib import crc32
 
 from formats import mcap_records as r
+from formats.compression import crc32
 from formats.mcap_parse import HEAD, MalformedError, parse, walk
 
 FOOTER_SIZE = 37  # opcode, length, 20 bytes, magic

@@ -8,7 +8,7 @@ from formats import mcap_records as r
 from formats.errors import Kind, Notes, Path
 from formats.mcap_blocks import (
     CHUNK_HEAD,
-    RUN_MESSAGES,
+    RUN_BYTES,
     TOP,
     Block,
     Walked,
@@ -45,7 +45,7 @@ class Top:
         """Everything that can be found."""
         at, released = len(r.MAGIC), 0
         while at < self.end:
-            walked = walk_block(self.data, at, self.end, TOP, RUN_MESSAGES)
+            walked = walk_block(self.data, at, self.end, TOP, RUN_BYTES)
             begin, at = at, walked.end
             after = self._outer(at) if at < self.end else at
             if after is None:
