@@ -72,7 +72,11 @@ class Log(Protocol):
     """
 
     path: Path
-    container: Container
+
+    @property
+    def container(self) -> Container:
+        """What the log is; `whole` and `state` may change while messages are read."""
+        ...
 
     def topics(self) -> list[Topic]:
         """Every topic, sorted by name and type."""

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from formats.clock import SECOND, Clock, Times
+from formats.clock import Clock, Times
 from formats.errors import FormatError, Notes, Path
 from formats.messages import Numbers, Transform
 from formats.track import (
@@ -78,6 +78,7 @@ class Tree:
         self._names: dict[Edge, Edge | None] = {}
         self._parents: dict[str, str] | None = None
         self._tracks: dict[Edge, Track] = {}
+        self._told: set[Edge] = set()
 
     def add(self, transforms: Iterable[Transform], log_ns: int, *, static: bool) -> None:
         """Keep the transforms of one message."""
@@ -176,15 +177,14 @@ class Tree:
         if edge not in self._tracks:
             track = Track.of(self._samples[edge], self.clock, max_gap_ns=self.max_gap_ns)
             self._tracks[edge] = track
-            name = f"{edge[0]} > {edge[1]}"
-            for what, count in track.odd.items():
-                self.notes.warn(self.path, f"{name}: {what}", topic="/tf", count=count)
-            for step in np.flatnonzero(track.broken == Why.JUMP):
-                far = np.linalg.norm(np.diff(track.numbers[step : step + 2, :3], axis=0))
-                at = f"{(track.times_ns[step + 1] - self.zero_ns) / SECOND:.2f} s"
-                what = f"{name} jumps by {far:.1f} m; not interpolated"
-                self.notes.warn(self.path, what, topic="/tf", at=at)
+            if edge not in self._told:
+                self._told.add(edge)
+                track.tell(self.notes, self.path, "/tf", f"{edge[0]} > {edge[1]}", self.zero_ns)
         return self._tracks[edge]
+
+    def samples(self, edge: Edge) -> Samples | None:
+        """The samples of a dynamic edge as recorded."""
+        return self._samples.get(edge)
 
     def _at(
         self, edge: Edge, times_ns: Times, mounted: bool

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formats.clock import SECOND, Clock, Times
+from formats.errors import Notes, Path
 from formats.messages import Numbers
 
 Floats = npt.NDArray[np.float64]
@@ -21,6 +22,7 @@ JUMP_RAD, JUMP_TURN = 1.0, 10.0
 MAX_GAP_NS = 2 * SECOND
 LONGEST_GAP_NS = 10 * SECOND  # also for poses that always come seldom
 STEADY = 1e-6
+MOST_TOLD = 20  # teleports
 
 
 class Why(IntEnum):
@@ -125,6 +127,15 @@ class Track:
         return bool(len(self)) and bool(
             np.all(np.abs(aligned(self.numbers) - self.numbers[0]) <= STEADY)
         )
+
+    def tell(self, notes: Notes, path: Path, topic: str, name: str, zero_ns: int) -> None:
+        """Note what was odd, and each teleport with its time from `zero_ns`."""
+        for what, count in self.odd.items():
+            notes.warn(path, f"{name}: {what}", topic=topic, count=count)
+        for step in np.flatnonzero(self.broken == Why.JUMP)[:MOST_TOLD]:
+            far = np.linalg.norm(self.numbers[step + 1, :3] - self.numbers[step, :3])
+            at = f"{(self.times_ns[step + 1] - zero_ns) / SECOND:.2f} s"
+            notes.warn(path, f"{name} jumps by {far:.1f} m; not interpolated", topic=topic, at=at)
 
     def at(self, times_ns: Times) -> tuple[Floats, npt.NDArray[np.uint8]]:
         """Interpolated poses: x y z linearly, the rotation by slerp.

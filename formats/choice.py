@@ -1,0 +1,298 @@
+"""Which topic is the scan and where the poses come from, by type, rate and reach; with reasons."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+from formats.clock import Clock
+from formats.errors import FormatError, UsageError, printable
+from formats.frame import Pose
+from formats.gathering import POSE_TYPES, TF_TYPES, Gathered, ScanTimes, decoder_of
+from formats.log import Log, Topic
+from formats.poses import (
+    KINDS,
+    Placed,
+    Source,
+    base_of,
+    bodies,
+    fixed_frames,
+    kind_of,
+    mounts,
+    odom_frames,
+)
+from formats.sensing import SENSORS, planar
+from formats.tf import plain
+from formats.track import MAX_GAP_NS, Floats
+
+FEW = 0.1  # a topic with less than this share of another's messages is not its peer
+ENOUGH = 0.5  # a source that reaches this share of the scans is taken before looking further
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """What is read from a log, and why.
+
+    Attributes:
+        scan: the topic of the scans.
+        source: of the poses.
+        sensor_frame: that the scans name.
+        sensor_pose: the sensor on the body, at the first scan that has one.
+        reasons: lines for people.
+    """
+
+    scan: Topic
+    source: Source
+    sensor_frame: str
+    sensor_pose: Pose
+    reasons: list[str] = field(default_factory=list)
+
+    @property
+    def map_frame(self) -> str:
+        """The frame that the poses are in."""
+        return self.source.map_frame
+
+    @property
+    def base_frame(self) -> str:
+        """The robot's body."""
+        return self.source.base_frame
+
+    @property
+    def in_map(self) -> bool:
+        """Whether the poses may be in the plan's frame; False for odometry alone."""
+        return self.source.in_map
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What the user said; "" and None leave it to the log.
+
+    Attributes:
+        scan: topic.
+        pose: topic, or "tf".
+        map_frame, base_frame: names.
+        sensor_pose: the sensor on the body.
+        pose_delay_ns: added to the stamps of the poses.
+        max_gap_ns: poses farther apart are not interpolated.
+    """
+
+    scan: str = ""
+    pose: str = ""
+    map_frame: str = ""
+    base_frame: str = ""
+    sensor_pose: Pose | None = None
+    pose_delay_ns: int = 0
+    max_gap_ns: int = MAX_GAP_NS
+
+
+def listing(topics: list[Topic]) -> str:
+    """Topics with their types and counts, for an error's line."""
+    return ", ".join(
+        f"{printable(t.name)} ({t.type.rsplit('/', 1)[-1]}"
+        f"{'' if t.count is None else f' x{t.count}'})"
+        for t in topics
+    )
+
+
+def named(topics: list[Topic], name: str) -> list[Topic]:
+    """The topics of a name, with or without the leading slash."""
+    return [t for t in topics if t.name == name] or [
+        t for t in topics if t.name.lstrip("/") == name.lstrip("/")
+    ]
+
+
+def scan_topics(log: Log, wish: str = "") -> list[Topic]:
+    """Topics that may be the scan: of the best kind of sensor, and not with few messages only.
+
+    Raises:
+        UsageError: the wished topic is not there or is not a scan.
+        FormatError: there is none.
+    """
+    topics = log.topics()
+    readable = [t for t in topics if t.type in SENSORS and decoder_of(t) is not None]
+    if wish:
+        found = named(readable, wish)
+        if found:
+            return found[:1]
+        other = named(topics, wish)
+        problem = f"{other[0].type} is not a scan" if other else "no such topic"
+        hint = f"scans here: {listing(readable) or 'none'}"
+        raise UsageError(log.path, problem, topic=wish, hint=hint)
+    readable = [t for t in readable if t.count != 0]
+    if not readable:
+        if not any(t.count != 0 for t in topics):
+            raise FormatError(log.path, "no messages")
+        kinds = ", ".join(dict.fromkeys(name.rsplit("/", 1)[-1] for name in SENSORS))
+        hint = "record a topic of one of these types"
+        raise FormatError(
+            log.path, f"no scans: looked for {kinds}; found {listing(topics)}", hint=hint
+        )
+    best = min(SENSORS[t.type].rank for t in readable)
+    return _peers([t for t in readable if SENSORS[t.type].rank == best])
+
+
+def _peers(topics: list[Topic]) -> list[Topic]:
+    most = max((t.count or 0 for t in topics), default=0)
+    return [t for t in topics if t.count is None or t.count >= FEW * most]
+
+
+def pose_topics(log: Log, wish: str = "") -> list[Topic]:
+    """Topics that may tell poses.
+
+    Raises:
+        UsageError: the wished topic is not there or has no poses.
+    """
+    topics = log.topics()
+    found = [t for t in topics if t.type in POSE_TYPES and decoder_of(t) is not None]
+    if not wish:
+        return [t for t in found if t.count != 0]
+    if wish == "tf":
+        return []
+    if not (wished := named(found, wish)):
+        other = named(topics, wish)
+        problem = f"{other[0].type} has no poses" if other else "no such topic"
+        hint = f"poses here: {listing(found) or 'none'}, or tf"
+        raise UsageError(log.path, problem, topic=wish, hint=hint)
+    return wished[:1]
+
+
+def sources(gathered: Gathered, scans: ScanTimes, wishes: Wishes) -> list[Source]:
+    """Ways to poses in the order of preference."""
+    tree, names = gathered.tree, scans.names
+    found: list[Source] = []
+
+    def add(source: Source) -> None:
+        if wishes.base_frame:
+            source = replace(source, base_frame=plain(wishes.base_frame))
+        found.append(source)
+
+    if wishes.pose in ("", "tf"):
+        odoms = odom_frames(tree, names)
+        maps = fixed_frames(tree, names)
+        if wishes.map_frame:
+            maps, odoms = [plain(wishes.map_frame)], []
+        if wishes.sensor_pose is not None and not (maps or odoms):
+            maps = sorted(f for f in tree.frames if f in ("map", "world"))
+            odoms = sorted(f for f in tree.frames if f == "odom")
+        for frame in maps:
+            if frame in tree.frames:
+                add(Source("tf", None, frame, base_of(tree, names, frame)))
+        for frame in odoms:
+            add(Source("tf odometry", None, frame, base_of(tree, names, frame)))
+    for topic, poses in gathered.poses.items():
+        if len(poses.samples):
+            frame = poses.frame or plain(wishes.map_frame)
+            if wishes.pose in ("", "tf") and wishes.map_frame not in ("", frame, "/" + frame):
+                continue
+            base = base_of(tree, names, child=poses.child)
+            add(Source(kind_of(poses), topic, frame, base))
+    return sorted(found, key=lambda source: KINDS.index(source.kind))
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """One source of poses and where it puts the scans."""
+
+    source: Source
+    placed: Placed
+    mount: Floats
+
+
+def ways(gathered: Gathered, scans: ScanTimes, clock: Clock, wishes: Wishes) -> list[Way]:
+    """Every source of poses for these scans, up to the first that reaches enough of them."""
+    times = clock.times(scans.stamps_ns, scans.logs_ns)
+    gathered.tree.settle(clock, gathered.zero_ns(scans, clock), wishes.max_gap_ns)
+    found: list[Way] = []
+    for source in sources(gathered, scans, wishes):
+        if found and found[-1].placed.share >= ENOUGH and found[-1].source.kind != source.kind:
+            break
+        if source.topic is None and (
+            gathered.tree.path_between(source.map_frame, source.base_frame) is None
+        ):
+            continue
+        body = bodies(source, gathered, times - wishes.pose_delay_ns)
+        mount = mounts(source, gathered.tree, scans, times, wishes.sensor_pose)
+        placed = Placed(
+            body.matrices @ mount.matrices, body.valid & mount.valid, body.missing + mount.missing
+        )
+        found.append(Way(source, placed, mount.matrices))
+    return found
+
+
+def best_way(gathered: Gathered, found: list[Way]) -> Way | None:
+    """The first source that reaches enough of the scans, else the one that reaches most.
+
+    Raises:
+        UsageError: several pose topics of one kind fit equally.
+    """
+    way = next((w for w in found if w.placed.share >= ENOUGH), None)
+    way = way or max(found, key=lambda w: w.placed.share, default=None)
+    if way is None or way.source.topic is None:
+        return way
+    peers = [
+        w.source.topic
+        for w in found
+        if w.source.topic is not None
+        and w.source.kind == way.source.kind
+        and w.placed.share >= max(ENOUGH, FEW)
+    ]
+    if len(peers) > 1:
+        problem = f"{len(peers)} topics may be the robot's poses: {listing(peers)}"
+        hint = " or ".join(f"--pose {printable(t.name)}" for t in peers)
+        raise UsageError(gathered.log.path, problem, hint=f"choose one with {hint}")
+    return way
+
+
+def pick_scan(gathered: Gathered, reach: dict[Topic, float]) -> tuple[Topic, str]:
+    """The one scan topic that fits, and why.
+
+    Args:
+        gathered: of all the topics that fit by type.
+        reach: share of each topic's scans that some poses reach.
+
+    Raises:
+        UsageError: several fit equally.
+    """
+    counts = {t: replace(t, count=len(s)) for t, s in gathered.scans.items() if len(s)}
+    real = {counted: t for t, counted in counts.items()}
+    topics = _peers(list(counts.values()))
+    if len(topics) == 1:
+        return real[topics[0]], f"the only {topics[0].type.rsplit('/', 1)[-1]}"
+    reached = [t for t in topics if reach[real[t]] > 0]
+    if len(reached) == 1:
+        return real[reached[0]], "the only one that the transforms reach"
+    if not reached:
+        if not topics:
+            raise FormatError(gathered.log.path, "no scan is readable")
+        return real[max(topics, key=lambda t: t.count or 0)], "the one with most messages"
+    hint = " or ".join(f"--scan {printable(t.name)}" for t in reached)
+    problem = f"{len(reached)} topics may be the scan: {listing(reached)}"
+    raise UsageError(gathered.log.path, problem, hint=f"choose one with {hint}")
+
+
+def no_poses(gathered: Gathered, scan: Topic, wishes: Wishes) -> FormatError:
+    """Why nothing says where the robot was."""
+    log, tree = gathered.log, gathered.tree
+    edges = ", ".join(f"{p} > {c}" for p, c in list(tree.edges)[:6])
+    topics = [t for t in log.topics() if t.type in (*POSE_TYPES, *TF_TYPES) and t.count != 0]
+    found = "; ".join(filter(None, [listing(topics), edges])) or "none of these"
+    if wishes.map_frame and plain(wishes.map_frame) not in tree.frames:
+        frames = ", ".join(sorted(tree.frames)[:12]) or "none"
+        return UsageError(
+            log.path, f"no frame {wishes.map_frame} in the transforms; frames: {frames}"
+        )
+    return FormatError(
+        log.path,
+        "no pose source: looked for tf from a map or odom frame, PoseStamped, "
+        f"PoseWithCovarianceStamped and Odometry; found {found}",
+        topic=scan.name,
+        hint="record /tf or a pose topic, name one with --pose, or try --poses match",
+    )
+
+
+def described(way: Way, scans: ScanTimes) -> Choice:
+    """The choice of one way, with its reasons still empty."""
+    rows = way.placed.valid.nonzero()[0]
+    first = int(rows[0]) if rows.size else 0
+    mount = planar(way.mount[first]) if len(way.mount) else Pose(0.0, 0.0, 0.0)
+    name = scans.names[int(scans.frame[first])] if len(scans) else ""
+    return Choice(scans.topic, way.source, name, mount)

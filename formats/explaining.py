@@ -1,0 +1,86 @@
+"""Why these topics and poses were chosen, and which scans have no pose for want of what."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from formats.choice import Choice, Way, described
+from formats.clock import Times
+from formats.errors import FormatError
+from formats.gathering import Gathered, ScanTimes
+from formats.sifting import APART_S, apart_s, seconds
+from formats.track import Samples, Why
+
+
+def tell_choice(
+    gathered: Gathered, scans: ScanTimes, way: Way, keep: npt.NDArray[np.bool_], reason: str
+) -> Choice:
+    """The choice with its reasons, which go into the notes as well."""
+    notes, path, source = gathered.notes, gathered.log.path, way.source
+    used = int((keep & way.placed.valid).sum())
+    kind, choice = scans.topic.type.rsplit("/", 1)[-1], described(way, scans)
+    chain = f"{source} > {choice.sensor_frame or '(unnamed)'}"
+    what = f"{source.topic.type.rsplit('/', 1)[-1]}, " if source.topic else ""
+    why = f"poses from {chain} ({what}{used} of {len(scans)} scans)"
+    reasons = [f"scans from {scans.topic.name} ({kind}: {reason})", why]
+    for line in reasons:
+        notes.info(path, line)
+    if not source.in_map:
+        problem = (
+            f"poses come from odometry alone ({source.map_frame}): they drift and are not in the "
+            "plan's frame"
+        )
+        notes.warn(path, problem, topic=source.topic.name if source.topic else "/tf")
+    return replace(choice, reasons=reasons)
+
+
+def tell_missing(
+    gathered: Gathered,
+    scans: ScanTimes,
+    way: Way,
+    keep: npt.NDArray[np.bool_],
+    times: Times,
+    zero: int,
+) -> None:
+    """Count the scans without a pose by what is missing; an error where no scan has one."""
+    notes, path, name = gathered.notes, gathered.log.path, scans.topic.name
+    apart = apart_s(scans, _moving(gathered, way))
+    hint = "give --sensor-pose X,Y,YAW or record /tf_static"
+    if abs(apart) > APART_S:
+        hint = (
+            f"the clocks of scans and poses are {abs(apart):.2f} s apart: --pose-delay {apart:.2f}"
+        )
+    lost = [(gap, gap.rows[keep[gap.rows]]) for gap in way.placed.missing]
+    none = not (keep & way.placed.valid).any()
+    for gap, rows in sorted(lost, key=lambda pair: -len(pair[1])):
+        if not rows.size:
+            continue
+        parent, child = gap.edge
+        problem = f"no transform {parent} > {child}"
+        if gap.why is Why.GAP:
+            problem = f"{problem} within its gaps"
+        elif gap.why is Why.JUMP:
+            problem = f"{problem} across its jumps"
+        elif gap.bound_ns:
+            side = "before" if gap.why is Why.BEFORE else "after"
+            problem = f"{problem} {side} {seconds(gap.bound_ns, zero)}"
+        at = seconds(times[rows[0]], zero)
+        if none:
+            share = f"({rows.size} of {len(scans)} scans)"
+            raise FormatError(path, problem, topic=name, at=f"{at} {share}", hint=hint)
+        notes.skip(path, problem, topic=name, at=at, count=int(rows.size))
+    if abs(apart) > APART_S:
+        notes.warn(path, hint, topic=name)
+
+
+def _moving(gathered: Gathered, way: Way) -> Samples | None:
+    """The samples of what moves in a chain of poses."""
+    if way.source.topic is not None:
+        return gathered.poses[way.source.topic].samples
+    ends = gathered.tree.path_between(way.source.map_frame, way.source.base_frame)
+    edges = [edge for end in ends or () for edge in end]
+    found = [samples for edge in edges if (samples := gathered.tree.samples(edge)) is not None]
+    return max(found, key=len, default=None)

@@ -1,0 +1,229 @@
+"""The first pass over a log: transforms, poses, and when which scan was taken."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from formats.clock import SECOND, Clock, Times
+from formats.errors import Notes
+from formats.frame_names import is_known
+from formats.log import Log, Topic
+from formats.messages import PoseMessage, Transforms
+from formats.ros import DECODERS, Undecodable, decoder, odd_stamp
+from formats.sensing import SENSORS
+from formats.tf import Tree, plain
+from formats.track import Samples
+
+TF_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+POSE_TYPES = (
+    "geometry_msgs/msg/PoseStamped",
+    "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "nav_msgs/msg/Odometry",
+)
+MANY = 1_000_000  # samples of transforms, beyond which those that lead nowhere are dropped
+
+
+def decoder_of(topic: Topic) -> Callable[[bytes | memoryview], Any] | None:
+    """What reads the payloads of a topic, None where nothing does."""
+    if topic.encoding in ("ros1", "cdr") and topic.type in DECODERS:
+        return decoder(topic)
+    return None
+
+
+@dataclass
+class ScanTimes:
+    """The scans of one topic, in the order of the log: 26 bytes each.
+
+    Attributes:
+        sensor: how the topic's type is read.
+        names: frames that the scans name.
+        limit: m, the longest range of any scan.
+        faults: why scans cannot be used; `fault` indexes it, 0 is "".
+    """
+
+    topic: Topic
+    names: list[str] = field(default_factory=list)
+    limit: float = 0.0
+    faults: list[str] = field(default_factory=lambda: [""])
+    _stamps: array[int] = field(default_factory=lambda: array("q"))
+    _logs: array[int] = field(default_factory=lambda: array("q"))
+    _sweeps: array[float] = field(default_factory=lambda: array("d"))
+    _frames: array[int] = field(default_factory=lambda: array("H"))
+    _faults: array[int] = field(default_factory=lambda: array("B"))
+
+    def add(self, reading: Any, log_ns: int) -> None:
+        """One more that could be decoded."""
+        sensor = SENSORS[self.topic.type]
+        fault = sensor.fault(reading)
+        if not fault and reading.stamp_ns < 0:
+            fault = odd_stamp(reading.stamp_ns)
+        self._append(reading.stamp_ns, log_ns, plain(reading.frame), fault, sensor.sweep(reading))
+        limit = sensor.limit(reading)
+        if not fault and limit > self.limit:
+            self.limit = limit
+
+    def add_broken(self, fault: str, log_ns: int) -> None:
+        """One more that could not be decoded: it keeps its place in the order."""
+        self._append(self._stamps[-1] if self._stamps else log_ns, log_ns, "", fault, 0.0)
+
+    def _append(self, stamp_ns: int, log_ns: int, name: str, fault: str, sweep: float) -> None:
+        # A list is quicker than a dict for the one or two names that a topic has.
+        if name not in self.names:
+            self.names.append(name)
+        if fault not in self.faults:
+            self.faults = [*self.faults, fault][:255]
+        self._stamps.append(stamp_ns)
+        self._logs.append(log_ns)
+        self._sweeps.append(sweep if isfinite(sweep) else -1.0)
+        self._frames.append(min(self.names.index(name), 65535))
+        self._faults.append(self.faults.index(fault) if fault in self.faults else 254)
+
+    def __len__(self) -> int:
+        return len(self._stamps)
+
+    @property
+    def stamps_ns(self) -> Times:
+        """(n,) header stamps."""
+        return np.array(self._stamps, dtype=np.int64)
+
+    @property
+    def logs_ns(self) -> Times:
+        """(n,) log times."""
+        return np.array(self._logs, dtype=np.int64)
+
+    @property
+    def sweeps_s(self) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """(n,) s from the first beam to the last; -1 where that is no number."""
+        return np.array(self._sweeps)
+
+    @property
+    def frame(self) -> np.ndarray[Any, np.dtype[np.uint16]]:
+        """(n,) index into `names`."""
+        return np.array(self._frames)
+
+    @property
+    def fault(self) -> np.ndarray[Any, np.dtype[np.uint8]]:
+        """(n,) index into `faults`."""
+        return np.array(self._faults)
+
+
+@dataclass
+class PoseTimes:
+    """The poses of one topic: their samples, the frame they are in, what is posed ("" unknown)."""
+
+    topic: Topic
+    samples: Samples = field(default_factory=Samples)
+    frame: str = ""
+    child: str = ""
+
+
+@dataclass
+class Gathered:
+    """What the first pass found."""
+
+    log: Log
+    notes: Notes
+    tree: Tree
+    scans: dict[Topic, ScanTimes]
+    poses: dict[Topic, PoseTimes]
+    transforms: dict[Topic, int]
+
+    def zero_ns(self, scans: ScanTimes, clock: Clock) -> int:
+        """When the log starts, on the clock of these scans."""
+        if not len(scans):
+            return 0
+        first = int(clock.times(scans.stamps_ns[:1], scans.logs_ns[:1])[0])
+        late = int(scans.logs_ns[0]) - self.log.container.start_ns
+        return first - late if 0 <= late < 86_400 * SECOND else first
+
+
+def gather(
+    log: Log, notes: Notes, scans: Collection[Topic], poses: Collection[Topic], tf: bool = True
+) -> Gathered:
+    """Read transforms, poses and the times of scans in one pass.
+
+    Args:
+        log: opened.
+        notes: where undecodable messages are counted.
+        scans: topics of a type in SENSORS.
+        poses: topics of a type in POSE_TYPES.
+        tf: read transforms, too.
+    """
+    path = log.path
+    tree = Tree(path, notes)
+    trees = [topic for topic in log.topics() if topic.type in TF_TYPES] if tf else []
+    made = Gathered(
+        log,
+        notes,
+        tree,
+        {topic: ScanTimes(topic) for topic in scans},
+        {topic: PoseTimes(topic) for topic in poses},
+        dict.fromkeys(trees, 0),
+    )
+    wanted = [*trees, *scans, *poses]
+    readers = {id(topic): _reader(made, topic) for topic in wanted}  # hashing a topic is slow
+    start = log.container.start_ns
+    count = 0
+    for topic, time_ns, data in log.messages(wanted):
+        read, take = readers.get(id(topic)) or readers[id(wanted[wanted.index(topic)])]
+        try:
+            noun = read(data)
+        except Undecodable as error:
+            at = f"{(time_ns - start) / SECOND:.2f} s"
+            notes.lose(path, f"message not readable: {error.reason}", topic=topic.name, at=at)
+            if topic in made.scans:
+                made.scans[topic].add_broken("not readable", time_ns)
+            continue
+        take(noun, time_ns)
+        count += 1
+        if count % MANY == 0:
+            sensors = {name for times in made.scans.values() for name in times.names}
+            tree.forget(sensors | {frame for frame in tree.frames if is_known(frame)})
+    return made
+
+
+def _reader(made: Gathered, topic: Topic) -> tuple[Callable[..., Any], Callable[[Any, int], None]]:
+    """How a topic's payloads are decoded, and what is done with the noun."""
+    read = decoder_of(topic)
+    if read is None:
+        raise ValueError(f"no decoder for {topic.type}")
+    if topic in made.scans:
+        return read, _scan_taker(made.scans[topic], made.notes, made.log)
+    if topic in made.poses:
+        return read, _pose_taker(made.poses[topic], made.notes, made.log)
+    static = topic.name.rstrip("/").endswith("tf_static")
+
+    def take(noun: Transforms, time_ns: int) -> None:
+        made.tree.add(noun.transforms, time_ns, static=static)
+        made.transforms[topic] += len(noun.transforms)
+
+    return read, take
+
+
+def _scan_taker(scans: ScanTimes, notes: Notes, log: Log) -> Callable[[Any, int], None]:
+    def take(noun: Any, time_ns: int) -> None:
+        if type(noun.stamp_ns) is not int:
+            notes.warn(log.path, odd_stamp(noun.stamp_ns), topic=scans.topic.name)
+        scans.add(noun, time_ns)
+
+    return take
+
+
+def _pose_taker(poses: PoseTimes, notes: Notes, log: Log) -> Callable[[PoseMessage, int], None]:
+    def take(noun: PoseMessage, time_ns: int) -> None:
+        frame = plain(noun.frame)
+        if not len(poses.samples):
+            poses.frame, poses.child = frame, plain(noun.child)
+        elif frame != poses.frame:
+            what = f"poses in {frame} among those in {poses.frame} ignored"
+            notes.skip(log.path, what, topic=poses.topic.name)
+            return
+        poses.samples.add(noun.stamp_ns, time_ns, noun.numbers)
+
+    return take

@@ -1,0 +1,211 @@
+"""Readings of range sensors -> Scan: mirrored, projected and de-skewed where the sensor is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from math import atan2, cos, inf, isfinite, nan, pi, radians
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from formats.frame import Pose, Scan
+from formats.messages import LaserScan, MultiEchoLaserScan, RangeReading
+
+Floats = npt.NDArray[np.float64]
+LEVEL = cos(radians(2.0))  # a sensor that tilts by less sees what a level one sees, within 1 cm
+SLAB = 0.25  # m above and below a tilted sensor in which a return is of the wall it would see level
+FLOOR = 0.05  # m; what a tilted sensor sees below is the floor
+CLEARED = 5.0  # m; a beam without a return must stay within the slab so far to say anything
+STILL = 5e-4  # m and rad: less motion during a sweep is not worth de-skewing
+
+
+class Motion(NamedTuple):
+    """The sensor's poses at the first and the last beam of a sweep, in its pose at the middle."""
+
+    first: Pose
+    last: Pose
+
+
+class Sensor(NamedTuple):
+    """How one message type is read.
+
+    Attributes:
+        rank: of several kinds in one log the lowest rank is taken.
+        fault: why a reading cannot be used, "" where it can.
+        scan: reading, pose of its sensor (4, 4) in the map frame, motion during it -> Scan.
+        sweep: s, how long the sensor took from the first beam to the last.
+        limit: m, the longest range of the sensor.
+    """
+
+    rank: int
+    fault: Callable[[Any], str]
+    scan: Callable[[Any, Floats, Motion | None], Scan]
+    sweep: Callable[[Any], float]
+    limit: Callable[[Any], float]
+
+
+@lru_cache(maxsize=64)
+def beams(start: float, step: float, count: int, mirrored: bool) -> tuple[Floats, Floats, bool]:
+    """Ascending bearings and widths (count,) rad; True where the beams come in falling order."""
+    bearings: Floats = start + step * np.arange(count, dtype=np.float64)
+    falling = (step < 0) != mirrored
+    if mirrored:
+        bearings = -bearings
+    if falling:
+        bearings = bearings[::-1].copy()
+    widths = np.full(count, min(abs(step), 2 * pi), dtype=np.float64)
+    bearings.flags.writeable = widths.flags.writeable = False  # shared by many scans
+    return bearings, widths, falling
+
+
+def planar(matrix: Floats) -> Pose:
+    """Place and heading of a sensor (4, 4): the direction of its x axis seen from above."""
+    return Pose(
+        float(matrix[0, 3]), float(matrix[1, 3]), atan2(float(matrix[1, 0]), float(matrix[0, 0]))
+    )
+
+
+def swept(
+    reading: LaserScan | MultiEchoLaserScan,
+    ranges: npt.NDArray[Any],
+    matrix: Floats,
+    motion: Motion | None,
+) -> Scan:
+    """A sweep of beams as seen from above by a sensor that is level, upside down or tilted."""
+    start, step = reading.angle_min, reading.angle_increment
+    limits = reading.range_min, reading.range_max
+    upright = float(matrix[2, 2])
+    mirrored = upright < 0
+    near, far = limits if limits != (0.0, 0.0) else (0.0, inf)
+    bearings, widths, falling = beams(start, step, len(ranges), mirrored)
+    if falling:
+        ranges = ranges[::-1]
+    # A copy: the reading may be a view on a page that is gone tomorrow, unaligned, read-only.
+    found = np.array(ranges, dtype=np.float32)
+    scan = Scan(bearings, widths, found, near, far)
+    if abs(upright) < LEVEL:
+        return projected(scan, matrix, mirrored)
+    if motion is None:
+        return scan
+    return deskewed(scan, *(motion[::-1] if falling else motion))
+
+
+def deskewed(scan: Scan, first: Pose, last: Pose) -> Scan:
+    """A scan taken on the move, re-expressed at the pose of its middle beam.
+
+    Args:
+        scan: as measured, beams at equal times.
+        first: pose of the sensor at beam 0, in its pose at the middle one.
+        last: pose of the sensor at the last beam, likewise.
+    """
+    if len(scan.ranges) < 2 or max(abs(number) for number in (*first, *last)) < STILL:
+        return scan
+    from formats.sensing_kernels import deskew
+
+    bearings, ranges = deskew(scan.bearings, scan.ranges, *first, *last)
+    turned = 1.0 + (last.yaw - first.yaw) / float(scan.bearings[-1] - scan.bearings[0])
+    widths = scan.widths * max(turned, 0.1)
+    return Scan(bearings, widths, ranges, scan.min_range, scan.max_range)
+
+
+def projected(scan: Scan, matrix: Floats, mirrored: bool = False) -> Scan:
+    """A tilted sensor's scan seen from above; what leaves the slab around it is no reading.
+
+    Args:
+        scan: its bearings count in the sensor's plane, negated where `mirrored`.
+        matrix: (4, 4), the sensor in the map frame.
+        mirrored: the sensor's z axis points down.
+    """
+    angles = -scan.bearings if mirrored else scan.bearings
+    x, y, z = matrix[:3, :2] @ np.stack([np.cos(angles), np.sin(angles)])
+    heading = planar(matrix).yaw
+    bearings = np.unwrap(np.arctan2(y, x)) - heading
+    flat = np.hypot(x, y)
+    height, r = float(matrix[2, 3]), scan.ranges.astype(np.float64)
+    none = ~np.isfinite(r) | (r > scan.max_range)
+    rise = np.where(none, CLEARED, r) * z
+    off = np.abs(rise) > SLAB
+    if height > 2 * FLOOR:
+        off |= height + rise < FLOOR
+    ranges = np.where(off, nan, np.where(none, r, r * flat)).astype(np.float32)
+    order = np.argsort(bearings, kind="stable")
+    # min_range and max_range hold along the beam; the least change of them keeps their meaning.
+    ranges[~off & (r < scan.min_range)] = nan
+    return Scan(bearings[order], scan.widths[order], ranges[order], 0.0, scan.max_range)
+
+
+def laser_fault(reading: LaserScan | MultiEchoLaserScan) -> str:
+    """Why a LaserScan cannot be used."""
+    step = reading.angle_increment
+    if step == 0.0 or not isfinite(step) or not isfinite(reading.angle_min):
+        return f"angle_increment is {step:g}" if isfinite(reading.angle_min) else "angle_min is nan"
+    if not reading.range_min <= reading.range_max:
+        return f"range_min {reading.range_min:g} above range_max {reading.range_max:g}"
+    ranges = reading.ranges if isinstance(reading, LaserScan) else reading.echoes
+    if not len(ranges):
+        return "no ranges"
+    if isinstance(reading, LaserScan):
+        first = reading.ranges[0]
+        if first != first and np.isnan(reading.ranges).all():
+            return "all ranges are nan"
+    return ""
+
+
+def laser_scan(reading: LaserScan, matrix: Floats, motion: Motion | None = None) -> Scan:
+    """sensor_msgs/LaserScan."""
+    return swept(reading, reading.ranges, matrix, motion)
+
+
+def multi_echo_scan(
+    reading: MultiEchoLaserScan, matrix: Floats, motion: Motion | None = None
+) -> Scan:
+    """sensor_msgs/MultiEchoLaserScan: the first echo of each beam, nan where there is none."""
+    first = np.array([echo[0] if len(echo) else nan for echo in reading.echoes], dtype=np.float32)
+    return swept(reading, first, matrix, motion)
+
+
+def laser_sweep(reading: LaserScan | MultiEchoLaserScan) -> float:
+    """Seconds from the first beam to the last."""
+    ranges = reading.ranges if isinstance(reading, LaserScan) else reading.echoes
+    return reading.time_increment * (len(ranges) - 1)
+
+
+def laser_limit(reading: LaserScan | MultiEchoLaserScan) -> float:
+    """range_max, or unlimited where it is not given."""
+    return reading.range_max if reading.range_max > 0 else inf
+
+
+def cone_fault(reading: RangeReading) -> str:
+    """Why a Range cannot be used."""
+    if not 0.0 < reading.field_of_view <= 2 * pi:
+        return f"field_of_view is {reading.field_of_view:g}"
+    if not reading.range_min <= reading.range_max:
+        return f"range_min {reading.range_min:g} above range_max {reading.range_max:g}"
+    return "range is nan" if reading.range != reading.range else ""
+
+
+def cone_scan(reading: RangeReading, _matrix: Floats, _motion: Motion | None = None) -> Scan:
+    """sensor_msgs/Range: one beam as wide as the cone."""
+    return Scan(
+        np.zeros(1),
+        np.array([reading.field_of_view]),
+        np.array([reading.range], dtype=np.float32),
+        reading.range_min,
+        reading.range_max,
+    )
+
+
+def no_sweep(_reading: object) -> float:
+    """All at once."""
+    return 0.0
+
+
+LASER = Sensor(0, laser_fault, laser_scan, laser_sweep, laser_limit)
+SENSORS: dict[str, Sensor] = {
+    "sensor_msgs/msg/LaserScan": LASER,
+    "foxglove.LaserScan": LASER,
+    "sensor_msgs/msg/MultiEchoLaserScan": LASER._replace(scan=multi_echo_scan),
+    "sensor_msgs/msg/Range": Sensor(3, cone_fault, cone_scan, no_sweep, laser_limit),
+}

@@ -1,0 +1,213 @@
+"""The one frame stream: scans of any log, joined with the poses of their sensor.
+
+    for frame in frames("turtlebot.mcap"):
+        print(frame.time_ns, frame.pose, frame.scan.ranges)
+
+Two passes: the first reads transforms, poses and when the scans were taken (`survey`); the second
+streams the scans. Only poses and transforms are held in memory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from math import inf
+from os import PathLike
+from typing import TypedDict, Unpack
+
+import numpy as np
+import numpy.typing as npt
+
+from formats.choice import (
+    Way,
+    Wishes,
+    best_way,
+    no_poses,
+    pick_scan,
+    pose_topics,
+    scan_topics,
+    ways,
+)
+from formats.clock import SECOND, Clock, Times
+from formats.drive import Drive
+from formats.errors import Notes
+from formats.explaining import tell_choice, tell_missing
+from formats.frame import Frame, Pose
+from formats.gathering import Gathered, ScanTimes, gather
+from formats.gating import gate
+from formats.log import Log, Topic
+from formats.opening import READERS, open_log
+from formats.poses import bodies, flat
+from formats.sifting import plausible_sweeps, sift, tell_clock
+from formats.track import MAX_GAP_NS, Floats, inverse
+
+__all__ = ["READERS", "Drive", "Options", "frames", "open_log", "survey"]
+
+Source = Log | str | PathLike[str] | Sequence[str | PathLike[str]]
+
+
+class Options(TypedDict, total=False):
+    """What may be said to `survey` and `frames`; all of it by keyword, all of it optional.
+
+    Attributes:
+        scan: the scan's topic.
+        pose: a topic with poses, or "tf".
+        map_frame: frame of the poses.
+        base_frame: frame of the robot's body.
+        sensor_pose: of the sensor on the body, instead of what tf says.
+        pose_delay: s, added to the stamps of the poses.
+        max_gap: s, poses farther apart are not interpolated; 2.
+        deskew: re-express scans that take time at the pose of their middle; True.
+        start_offset: s after the start of the log.
+        duration: s from there.
+        every: take every n-th scan.
+        min_travel: m to drive before the next scan is taken.
+        min_turn: rad to turn before it.
+        readings_per_pose: scans taken before the robot has moved on.
+    """
+
+    scan: str
+    pose: str
+    map_frame: str
+    base_frame: str
+    sensor_pose: Pose | None
+    pose_delay: float
+    max_gap: float
+    deskew: bool
+    start_offset: float
+    duration: float
+    every: int
+    min_travel: float
+    min_turn: float
+    readings_per_pose: int | None
+
+
+def survey(log: Log, notes: Notes, **options: Unpack[Options]) -> Drive:
+    """The first pass: choose topics, find the poses of all scans, and count what cannot be used.
+
+    Args:
+        log: opened.
+        notes: reasons go in as info, oddities as warnings, unusable scans as skipped.
+        options: see Options.
+
+    Raises:
+        UsageError: several topics fit equally, or an option names what is not there.
+        FormatError: no scans, no poses, or no scan that the poses reach.
+    """
+    wishes = Wishes(
+        scan=options.get("scan") or "",
+        pose=options.get("pose") or "",
+        map_frame=options.get("map_frame") or "",
+        base_frame=options.get("base_frame") or "",
+        sensor_pose=options.get("sensor_pose"),
+        pose_delay_ns=round(options.get("pose_delay", 0.0) * SECOND),
+        max_gap_ns=round(options.get("max_gap", MAX_GAP_NS / SECOND) * SECOND),
+    )
+    topics = scan_topics(log, wishes.scan)
+    gathered = gather(log, notes, topics, pose_topics(log, wishes.pose))
+    scans, clock, way, reason = _chosen(gathered, wishes)
+    if way is None:
+        raise no_poses(gathered, scans.topic, wishes)
+    zero = gathered.zero_ns(scans, clock)
+    tell_clock(scans, clock, notes, log.path, zero)
+    times = clock.times(scans.stamps_ns, scans.logs_ns)
+    start = options.get("start_offset", 0.0) * SECOND
+    end = start + options.get("duration", inf) * SECOND
+    window = (times - zero >= start) & (times - zero <= end)
+    keep = sift(scans, times, window, zero, notes, log.path)
+    tell_missing(gathered, scans, way, keep, times, zero)
+    keep &= way.placed.valid
+    choice = tell_choice(gathered, scans, way, keep, reason)
+    rows = np.flatnonzero(keep)
+    rows = rows[np.argsort(times[rows], kind="stable")]
+    posed = len(rows)
+    found, middles, sweeps = way.placed.matrices[rows], times[rows], None
+    if options.get("deskew", True):
+        good = plausible_sweeps(scans, times, keep, notes, log.path)[rows]
+        if good.any():
+            found, middles, sweeps = _swept(gathered, scans, way, rows, good, times, wishes)
+    poses = flat(found)
+    taken = gate(
+        poses,
+        every=options.get("every", 1),
+        min_travel=options.get("min_travel", 0.0),
+        min_turn=options.get("min_turn", 0.0),
+        readings_per_pose=options.get("readings_per_pose"),
+    )
+    return Drive(
+        log,
+        notes,
+        choice,
+        len(scans),
+        posed,
+        middles[taken],
+        poses[taken],
+        scans.limit,
+        zero,
+        rows[taken],
+        found[taken],
+        None if sweeps is None else sweeps[taken],
+    )
+
+
+def frames(
+    source: Source, notes: Notes | None = None, **options: Unpack[Options]
+) -> Iterator[Frame]:
+    """Scans with the poses of their sensor, from a log, a path, or several paths merged by time.
+
+    Raises what open_log and survey raise.
+    """
+    notes = Notes() if notes is None else notes
+    if isinstance(source, str | PathLike | Sequence):
+        log = open_log(source, notes)
+        try:
+            yield from survey(log, notes, **options).frames()
+        finally:
+            log.close()
+    else:
+        yield from survey(source, notes, **options).frames()
+
+
+def _chosen(gathered: Gathered, wishes: Wishes) -> tuple[ScanTimes, Clock, Way | None, str]:
+    """The scan topic, its clock, its best source of poses, and why this topic."""
+    clocks: dict[Topic, Clock] = {}
+    found: dict[Topic, list[Way]] = {}
+    for topic, scans in gathered.scans.items():
+        clocks[topic] = Clock.of(scans.stamps_ns, scans.logs_ns)
+        found[topic] = ways(gathered, scans, clocks[topic], wishes) if len(scans) else []
+    reach = {t: max((w.placed.share for w in some), default=0.0) for t, some in found.items()}
+    topic, reason = pick_scan(gathered, reach)
+    if wishes.scan:
+        reason = "as asked for"
+    gathered.tree.settle(
+        clocks[topic], gathered.zero_ns(gathered.scans[topic], clocks[topic]), wishes.max_gap_ns
+    )
+    return gathered.scans[topic], clocks[topic], best_way(gathered, found[topic]), reason
+
+
+def _swept(
+    gathered: Gathered,
+    scans: ScanTimes,
+    way: Way,
+    rows: npt.NDArray[np.intp],
+    good: npt.NDArray[np.bool_],
+    times: Times,
+    wishes: Wishes,
+) -> tuple[Floats, Times, Floats]:
+    """Poses and times at the middle of each sweep, and the motion from first to last beam.
+
+    Where a sweep reaches beyond the poses the scan stays as it is: pose at its stamp, motion nan.
+    """
+    sweep = np.where(good, scans.sweeps_s[rows] * SECOND, 0).astype(np.int64)
+    middles = times[rows] + sweep // 2
+    found = way.placed.matrices[rows].copy()
+    sweeps = np.full((len(rows), 6), np.nan)
+    at: list[Floats] = []
+    for moments in (middles, times[rows] + sweep):
+        body = bodies(way.source, gathered, moments - wishes.pose_delay_ns)
+        at.append(body.matrices @ way.mount[rows])
+        good = good & body.valid
+    back = inverse(at[0])
+    sweeps[good, :3] = flat(back @ found)[good]
+    sweeps[good, 3:] = flat(back @ at[1])[good]
+    found[good] = at[0][good]
+    return found, np.where(good, middles, times[rows]), sweeps
