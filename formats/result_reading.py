@@ -157,6 +157,9 @@ def _run_file(
         name: _curve(geometry, levels, layers, entry) for name, entry in record["curves"].items()
     }
     changes = [_change(geometry, levels, frames, data) for _, data in messages.get("/evidence", [])]
+    place = Pose(*map(float, record["map_to_plan"]))
+    if not np.isfinite([x, y, *place, *poses["pose"].ravel()]).all():
+        raise ValueError("a pose that is not finite")
     if len(changes) != record["keyframes"] or record["main"] not in curves:
         raise ValueError("keyframes or curves are missing")
     return RunFile(
@@ -168,7 +171,7 @@ def _run_file(
         curves=curves,
         main=record["main"],
         layers=layers,
-        map_to_plan=Pose(*map(float, record["map_to_plan"])),
+        map_to_plan=place,
         times_ns=np.array([time for time, _ in messages["/pose"]], dtype=np.int64),
         poses=records.poses(poses["pose"]),
         counts={name: part["counts"].astype(np.int64) for name, part in scored.items()},
@@ -198,11 +201,15 @@ def _curve(
     geometry: Geometry, levels: int, layers: Mapping[str, Floats], entry: Mapping[str, Any]
 ) -> Curve:
     p_levels = tuple(float(p) for p in entry["p_levels"])
-    if len(p_levels) != levels or entry["update"] not in ("bayes", "paper"):
-        raise ValueError(f"a curve of {len(p_levels)} levels, update {entry['update']}")
+    if len(p_levels) != levels or not all(0.0 < p < 1.0 for p in p_levels):
+        raise ValueError(f"a curve with levels {p_levels}")
+    if entry["update"] not in ("bayes", "paper"):
+        raise ValueError(f"a curve with update {entry['update']}")
     prior = np.zeros(geometry.shape)
     if entry["prior"] == "prior":
         prior = 0.0 - layers["prior_log_odds"]
+    if not np.isfinite(prior).all():
+        raise ValueError("a prior with cells that are not finite")
     return Curve(Grid(geometry, prior), p_levels, entry["update"])
 
 

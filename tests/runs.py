@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -78,3 +78,36 @@ def write_run(path: Path, frames: int = 30, **options: Any) -> Path:
             writer.write(step)
         writer.finish({"skipped": 2})
     return path
+
+
+def forge(
+    source: Path,
+    out: Path,
+    edits: Mapping[str, tuple[str, str]],
+    topics: Mapping[str, str] | None = None,
+    payloads: Mapping[str, bytes] | None = None,
+) -> Path:
+    """A copy of a result in which texts of the record "replay", topics or payloads are others."""
+    from mcap.reader import make_reader
+    from mcap.writer import Writer
+
+    with source.open("rb") as file, out.open("wb") as copy:
+        reader, writer = make_reader(file), Writer(copy, enable_data_crcs=True)
+        writer.start("ros2")
+        for record in reader.iter_metadata():
+            data = dict(record.metadata)
+            for key in data.keys() & edits.keys():
+                assert edits[key][0] in data[key]
+                data[key] = data[key].replace(*edits[key])
+            writer.add_metadata(record.name, data)
+        channels: dict[str, int] = {}
+        for schema, channel, message in reader.iter_messages():
+            assert schema is not None
+            topic = (topics or {}).get(channel.topic, channel.topic)
+            if topic not in channels:
+                number = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[topic] = writer.register_channel(topic, "cdr", number)
+            data_bytes = (payloads or {}).get(channel.topic, message.data)
+            writer.add_message(channels[topic], message.log_time, data_bytes, message.log_time)
+        writer.finish()
+    return out

@@ -25,7 +25,7 @@ from formats.grid import Evidence, Geometry, Grid
 from formats.result import Counts, Curve, Split, Step
 from formats.result_file import ResultWriter, read_result
 from tests.conftest import ROOT
-from tests.runs import GEOMETRY, SCAN, START, curves, layers, prior, steps, write_run
+from tests.runs import GEOMETRY, SCAN, START, curves, forge, layers, prior, steps, write_run
 
 
 def test_everything_comes_back(tmp_path: Path) -> None:
@@ -437,6 +437,52 @@ def test_what_is_no_result_says_so(tmp_path: Path) -> None:
         read_result(path)
     with pytest.raises(FormatError, match="No such file"):
         read_result(tmp_path / "none.mcap")
+
+
+@pytest.mark.parametrize(
+    ("key", "old", "new"),
+    [
+        ("format", "1", "-"),
+        ("geometry", "[12", '["x"'),
+        ("geometry", "0.05", "NaN"),
+        ("geometry", "-0.2", "1e999"),
+        ("geometry", "12", "1e400"),
+        ("geometry", "17", "16"),
+        ("levels", "2", "3"),
+        ("levels", "2", "0"),
+        ("frames", "3", "4"),
+        ("frames", "3", "900000000000"),
+        ("keyframes", "3", "2"),
+        ("curves", "0.3", "1.0"),
+        ("curves", '"paper"}', '"best"}'),
+        ("curves", "{", "[" * 5000 + "{"),
+        ("main", "bayes", "best"),
+        ("scored", "bayes", "best"),
+        ("map_to_plan", "0.5", "Infinity"),
+        ("map_to_plan", "1.0, ", ""),
+        ("settings", "{", "[1, {"),
+    ],
+)
+def test_a_forged_record_is_one_line(tmp_path: Path, key: str, old: str, new: str) -> None:
+    source = write_run(tmp_path / "a.mcap", 3)
+    assert read_result(forge(source, tmp_path / "b.mcap", {})).facts["scans"] == 3
+    forge(source, tmp_path / "c.mcap", {key: (old, new)})
+    with pytest.raises(FormatError, match=r"c\.mcap: ") as caught:
+        read_result(tmp_path / "c.mcap")
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 3000
+
+
+@pytest.mark.parametrize("topic", ["/pose", "/metrics/bayes", "/evidence", "/cells"])
+@pytest.mark.parametrize("payload", [b"", b"\0\1\0\0", bytes(80), b"\0\1\0\0" + b"\xff" * 84])
+def test_a_forged_payload_is_one_line(tmp_path: Path, topic: str, payload: bytes) -> None:
+    source = write_run(tmp_path / "a.mcap", 3)
+    forge(source, tmp_path / "b.mcap", {}, payloads={topic: payload})
+    with pytest.raises(
+        FormatError, match=r"b\.mcap: a result that does not fit together"
+    ) as caught:
+        read_result(tmp_path / "b.mcap")
+    assert "\n" not in str(caught.value)
 
 
 def test_what_does_not_fit_together_is_refused(tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from formats.result import Counts, Split, Step
 from formats.result_file import ResultWriter
 from formats.trajectory import read_tum
 from replay.export import WHAT, export, unarmed
-from tests.runs import GEOMETRY, SCAN, curves, prior, steps, write_run
+from tests.runs import GEOMETRY, SCAN, curves, forge, prior, steps, write_run
 
 NAMES = [
     "a_map.pgm",
@@ -136,41 +135,17 @@ def test_text_that_a_spreadsheet_would_run_is_disarmed(tmp_path: Path) -> None:
     assert unarmed("=cmd|' /C calc'!A0") == "'=cmd|' /C calc'!A0"
     assert [unarmed(t)[0] for t in ("+1", "-1", "@x", "\tx", "\rx")] == ["'"] * 5
     assert unarmed("bayes_f2") == "bayes_f2"
-    hostile = hostile_result(tmp_path, "=1+1")
+    hostile = tmp_path / "forged.mcap"
+    edits = {
+        "curves": ('"bayes":', '"=1+1":'),
+        "main": ("bayes", "=1+1"),
+        "scored": ("bayes", "=1+1"),
+    }
+    forge(write_run(tmp_path / "good.mcap", 3), hostile, edits, {"/metrics/bayes": "/metrics/=1+1"})
     (path,) = export(hostile, tmp_path / "m", ["metrics"])
     header = next(csv.reader(path.read_text().splitlines()))
     assert any("1+1" in name for name in header)
     assert not [name for name in header if name.startswith(("=", "+", "-", "@"))]
-
-
-def hostile_result(folder: Path, curve: str) -> Path:
-    """A result whose first curve has another name, as only a forged file can have."""
-    from mcap.reader import make_reader
-    from mcap.writer import Writer
-
-    source = write_run(folder / "good.mcap", 3)
-    forged = folder / "forged.mcap"
-    with source.open("rb") as file, forged.open("wb") as out:
-        reader = make_reader(file)
-        writer = Writer(out, enable_data_crcs=True)
-        writer.start("ros2")
-        for record in reader.iter_metadata():
-            data = dict(record.metadata)
-            for key in data.keys() & {"curves", "main", "scored"}:
-                tail = ":" if key == "curves" else ""  # the update rule keeps its name
-                data[key] = data[key].replace(f'"bayes"{tail}', json.dumps(curve) + tail)
-            writer.add_metadata(record.name, data)
-        channels: dict[str, int] = {}
-        for schema, channel, message in reader.iter_messages():
-            assert schema is not None
-            topic = channel.topic.replace("bayes", curve)
-            if topic not in channels:
-                number = writer.register_schema(schema.name, schema.encoding, schema.data)
-                channels[topic] = writer.register_channel(topic, "cdr", number)
-            time = message.log_time
-            writer.add_message(channels[topic], time, message.data, time)
-        writer.finish()
-    return forged
 
 
 def test_the_picture_shows_the_path_where_it_was(tmp_path: Path) -> None:
