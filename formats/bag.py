@@ -9,13 +9,13 @@ bag_records, bag_chunks, bag_index, bag_walk, bag.
 
 from __future__ import annotations
 
+import mmap
 import re
 from collections import Counter, OrderedDict
 from collections.abc import Collection, Iterator
 from contextlib import suppress
 from heapq import heappop, heappush
 from itertools import pairwise
-from mmap import ACCESS_READ, mmap
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +29,7 @@ from formats.log import Container, Message, Topic
 
 MAX_CHUNK = 256 << 20
 VERSION = re.compile(rb"#ROS(?:BAG|RECORD) V([0-9.]{1,9})")
+RELEASED = 64 << 20  # bytes of the file between two releases of its pages
 ROWS = 4096  # messages turned into Python numbers at a time
 WHOLE = ("complete", "no index")
 END = (1 << 63, 0)  # later than every (time, chunk)
@@ -40,28 +41,33 @@ def fits(path: Path, head: bytes) -> bool:
     return VERSION.match(head) is not None
 
 
-def open_file(path: Path, notes: Notes, max_chunk: int = MAX_CHUNK) -> Bag:
+def open_file(
+    path: Path, notes: Notes, max_chunk: int = MAX_CHUNK, unpacked: Path | None = None
+) -> Bag:
     """Open a bag.
 
     Args:
-        path: the file.
+        path: the file, as the user names it.
         notes: where losses and oddities are counted.
         max_chunk: bytes, the most that one chunk may hold, and that are kept decompressed.
+        unpacked: where its bytes lie, if `path` itself is compressed.
 
     Raises:
         FormatError: not a bag of format 2.0, encrypted, or without one readable record.
     """
-    return Bag(path, notes, max_chunk)
+    return Bag(path, notes, max_chunk, unpacked)
 
 
 class Bag:
     """An opened ROS 1 bag: a Log."""
 
-    def __init__(self, path: Path, notes: Notes, max_chunk: int = MAX_CHUNK) -> None:
+    def __init__(
+        self, path: Path, notes: Notes, max_chunk: int = MAX_CHUNK, unpacked: Path | None = None
+    ) -> None:
         self.path, self._notes, self._max_chunk = path, notes, max_chunk
         try:
-            with path.open("rb") as file:
-                self._map = mmap(file.fileno(), 0, access=ACCESS_READ)
+            with (unpacked or path).open("rb") as file:
+                self._map = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         except (OSError, ValueError) as error:
             raise FormatError(path, f"cannot be read: {error}") from error
         self._buffer = memoryview(self._map)
@@ -178,6 +184,7 @@ class Bag:
             if chunk.expected.keys() & wanted.get(chunk.part, {}).keys()
         ]
         order.sort()
+        seen = 0
         pending: list[tuple[int, int, Rows]] = []  # a heap: next time, chunk, rows
         for (_, number), closed in pairwise([*order, END]):
             conns = wanted[self._chunks[number].part]
@@ -198,6 +205,15 @@ class Bag:
                 ready = [together[np.lexsort((together[:, 2], together[:, 4], together[:, 0]))]]
             for rows in ready:
                 yield from self._given(rows, wanted)
+            seen += self._chunks[number].end - self._chunks[number].data
+            if seen > RELEASED:
+                self._release()
+                seen = 0
+
+    def _release(self) -> None:
+        """Let go of mapped pages: once read, they would count as this process's memory."""
+        if hasattr(mmap, "MADV_DONTNEED"):  # not on Windows
+            self._map.madvise(mmap.MADV_DONTNEED)
 
     def _rows(self, number: int, conns: Collection[int]) -> Rows:
         rows = self._load(number).rows
