@@ -170,9 +170,6 @@ def sources(gathered: Gathered, scans: ScanTimes, wishes: Wishes) -> list[Source
         maps = fixed_frames(tree, names)
         if wishes.map_frame:
             maps, odoms = [plain(wishes.map_frame)], []
-        if wishes.sensor_pose is not None and not (maps or odoms):
-            maps = sorted(f for f in tree.frames if f in ("map", "world"))
-            odoms = sorted(f for f in tree.frames if f == "odom")
         for frame in maps:
             if frame in tree.frames:
                 add(Source("tf", None, frame, base_of(tree, names, frame)))
@@ -211,8 +208,9 @@ def ways(gathered: Gathered, scans: ScanTimes, clock: Clock, wishes: Wishes) -> 
             continue
         body = bodies(source, gathered, times - wishes.pose_delay_ns)
         mount = mounts(source, gathered.tree, scans, times, wishes.sensor_pose)
+        late = [gap._replace(bound_ns=gap.bound_ns + wishes.pose_delay_ns) for gap in body.missing]
         placed = Placed(
-            body.matrices @ mount.matrices, body.valid & mount.valid, body.missing + mount.missing
+            body.matrices @ mount.matrices, body.valid & mount.valid, late + mount.missing
         )
         found.append(Way(source, placed, mount.matrices))
     return found
@@ -233,7 +231,7 @@ def best_way(gathered: Gathered, found: list[Way]) -> Way | None:
         for w in found
         if w.source.topic is not None
         and w.source.kind == way.source.kind
-        and w.placed.share >= max(ENOUGH, FEW)
+        and w.placed.share >= ENOUGH
     ]
     if len(peers) > 1:
         problem = f"{len(peers)} topics may be the robot's poses: {listing(peers)}"
@@ -275,11 +273,11 @@ def no_poses(gathered: Gathered, scan: Topic, wishes: Wishes) -> FormatError:
     edges = ", ".join(f"{p} > {c}" for p, c in list(tree.edges)[:6])
     topics = [t for t in log.topics() if t.type in (*POSE_TYPES, *TF_TYPES) and t.count != 0]
     found = "; ".join(filter(None, [listing(topics), edges])) or "none of these"
-    if wishes.map_frame and plain(wishes.map_frame) not in tree.frames:
-        frames = ", ".join(sorted(tree.frames)[:12]) or "none"
-        return UsageError(
-            log.path, f"no frame {wishes.map_frame} in the transforms; frames: {frames}"
-        )
+    for name in filter(None, (wishes.map_frame, wishes.base_frame)):
+        if plain(name) not in tree.frames:
+            frames = ", ".join(sorted(tree.frames)[:12]) or "none"
+            problem = f"no frame {printable(name)} in the transforms"
+            return UsageError(log.path, f"{problem}; frames: {printable(frames)}")
     return FormatError(
         log.path,
         "no pose source: looked for tf from a map or odom frame, PoseStamped, "

@@ -11,20 +11,35 @@ from formats.choice import Choice, Way, described
 from formats.clock import Times
 from formats.errors import FormatError
 from formats.gathering import Gathered, ScanTimes
+from formats.poses import Kind
 from formats.sifting import APART_S, apart_s, seconds
 from formats.track import Samples, Why
 
+WHY: dict[Kind, str] = {
+    "tf": "tf knows the map frame",
+    "pose topic": "tf knows no map frame",
+    "amcl_pose": "tf knows no map frame, no other topic the pose",
+    "tf odometry": "nothing in this log knows the map frame",
+    "odometry topic": "nothing in this log knows the map frame",
+}
+
 
 def tell_choice(
-    gathered: Gathered, scans: ScanTimes, way: Way, keep: npt.NDArray[np.bool_], reason: str
+    gathered: Gathered,
+    scans: ScanTimes,
+    way: Way,
+    keep: npt.NDArray[np.bool_],
+    reason: str,
+    asked: bool,
 ) -> Choice:
-    """The choice with its reasons, which go into the notes as well."""
+    """The choice with its reasons, noted as well; `asked`: the user named the poses."""
     notes, path, source = gathered.notes, gathered.log.path, way.source
     used = int((keep & way.placed.valid).sum())
     kind, choice = scans.topic.type.rsplit("/", 1)[-1], described(way, scans)
     chain = f"{source} > {choice.sensor_frame or '(unnamed)'}"
     what = f"{source.topic.type.rsplit('/', 1)[-1]}, " if source.topic else ""
     why = f"poses from {chain} ({what}{used} of {len(scans)} scans)"
+    why += f": {'as asked for' if asked else WHY[source.kind]}"
     reasons = [f"scans from {scans.topic.name} ({kind}: {reason})", why]
     for line in reasons:
         notes.info(path, line)
@@ -53,20 +68,21 @@ def tell_missing(
         hint = (
             f"the clocks of scans and poses are {abs(apart):.2f} s apart: --pose-delay {apart:.2f}"
         )
-    lost = [(gap, gap.rows[keep[gap.rows]]) for gap in way.placed.missing]
+    lost = keep & ~way.placed.valid
     none = not (keep & way.placed.valid).any()
-    for gap, rows in sorted(lost, key=lambda pair: -len(pair[1])):
+    for gap in sorted(way.placed.missing, key=lambda gap: -len(gap.rows)):
+        rows = gap.rows[lost[gap.rows]]
+        lost[rows] = False
         if not rows.size:
             continue
-        parent, child = gap.edge
-        problem = f"no transform {parent} > {child}"
+        problem = f"no {gap.what}"
         if gap.why is Why.GAP:
-            problem = f"{problem} within its gaps"
+            problem += " within its gaps"
         elif gap.why is Why.JUMP:
-            problem = f"{problem} across its jumps"
+            problem += " across its jumps"
         elif gap.bound_ns:
             side = "before" if gap.why is Why.BEFORE else "after"
-            problem = f"{problem} {side} {seconds(gap.bound_ns, zero)}"
+            problem += f" {side} {seconds(gap.bound_ns, zero)}"
         at = seconds(times[rows[0]], zero)
         if none:
             share = f"({rows.size} of {len(scans)} scans)"

@@ -134,6 +134,13 @@ class Gathered:
     poses: dict[Topic, PoseTimes]
     transforms: dict[Topic, int]
 
+    def clock(self, scans: ScanTimes) -> Clock:
+        """When messages count: by log times where stamps of scans or of poses are all 0."""
+        each = [poses.samples.stamps_ns for poses in self.poses.values() if len(poses.samples)]
+        if self.tree.unstamped() or (each and not any(stamps.any() for stamps in each)):
+            return Clock(by_log=True)
+        return Clock.of(scans.stamps_ns, scans.logs_ns)
+
     def zero_ns(self, scans: ScanTimes, clock: Clock) -> int:
         """When the log starts, on the clock of these scans."""
         if not len(scans):

@@ -11,10 +11,10 @@ import numpy.typing as npt
 
 from formats.clock import Times
 from formats.frame import Pose
-from formats.frame_names import BASES, MAPS, by_name, is_base, is_map, is_odom
+from formats.frame_names import BASES, MAPS, by_name, is_base, is_map, is_odom, last_part
 from formats.gathering import Gathered, PoseTimes, ScanTimes
 from formats.log import Topic
-from formats.tf import Missing, Tree
+from formats.tf import Missing, Tree, missing_of
 from formats.track import Floats, Track, Why, matrices
 
 Kind = Literal["tf", "pose topic", "amcl_pose", "tf odometry", "odometry topic"]
@@ -86,14 +86,8 @@ def bodies(source: Source, gathered: Gathered, times_ns: Times, *, tell: bool = 
     if tell:
         track.tell(gathered.notes, gathered.log.path, source.topic.name, "pose", tree.zero_ns)
     numbers, why = track.at(times_ns)
-    edge = source.map_frame or source.topic.name, source.base_frame or "robot"
-    ends = {Why.BEFORE: track.times_ns[:1], Why.AFTER: track.times_ns[-1:]}
-    missing = []
-    for kind in (Why.BEFORE, Why.AFTER, Why.GAP, Why.JUMP):
-        rows = np.flatnonzero(why == kind)
-        if rows.size:
-            end = ends.get(kind, track.times_ns[:0])
-            missing.append(Missing(edge, kind, int(end[0]) if end.size else 0, rows))
+    known = np.ones(len(times_ns), dtype=bool)
+    missing = missing_of(f"pose on {source.topic.name}", track.times_ns, why, known)
     return Placed(matrices(numbers), why == Why.OK, missing)
 
 
@@ -111,8 +105,8 @@ def mounts(
         if name in ("", source.base_frame):  # an unnamed sensor is taken as sitting on the body
             valid[rows] = True
         elif not source.base_frame or tree.path_between(source.base_frame, name) is None:
-            edge = source.base_frame or "base_link", name
-            missing.append(Missing(edge, Why.AFTER, 0, rows))
+            what = f"transform {source.base_frame or 'base_link'} <- {name}"
+            missing.append(Missing(what, Why.AFTER, 0, rows))
         else:
             part = tree.lookup(source.base_frame, name, times_ns[rows], mounted=True)
             found[rows], valid[rows] = part.matrices, part.valid
@@ -135,13 +129,15 @@ def base_of(tree: Tree, names: list[str], top: str = "", child: str = "") -> str
         nothing tells.
     """
     sensor = next((name for name in names if name), "")
-    line = tree.ancestors(sensor) if sensor else []
+    line = tree.ancestors(sensor) if sensor in tree.frames else []
     if child and (child == sensor or child in line or not line):
         return child
-    if not sensor or (top and tree.path_between(top, sensor) is None):
-        near = [f for f in sorted(tree.frames) if not top or tree.path_between(top, f) is not None]
+    if not line and is_base(sensor):
+        return sensor
+    if not line or (top and tree.path_between(top, sensor) is None):
+        near = tree.relatives(top) if top else sorted(tree.frames)
         named = by_name(near, BASES) or [f for f in near if is_base(f)]
-        return named[0] if named else child
+        return named[0] if named else child or _child_of_odom(tree, near)
     named = by_name(line, BASES) or [frame for frame in line if is_base(frame)]
     if named:
         return named[0]
@@ -152,38 +148,37 @@ def base_of(tree: Tree, names: list[str], top: str = "", child: str = "") -> str
     return moving[0] if moving else child or line[-1]
 
 
-def fixed_frames(tree: Tree, names: list[str]) -> list[str]:
-    """Frames that the plan may lie in and that lead to the sensor: by name, else the moving root.
+def _child_of_odom(tree: Tree, frames: list[str]) -> str:
+    return next((low for low in frames if is_odom(tree.parents.get(low, ""))), "")
 
-    A root counts without a name only where what hangs below it drives about; a body with a tilting
-    laser does not.
+
+def around(tree: Tree, names: list[str]) -> list[str]:
+    """Frames connected to the sensor; all where none is: then its mounting is missing."""
+    near = [frame for name in names if name for frame in tree.relatives(name)]
+    return list(dict.fromkeys(near)) or sorted(tree.frames)
+
+
+def fixed_frames(tree: Tree, names: list[str]) -> list[str]:
+    """Frames that the plan may lie in: by name, else the root of what drives about.
+
+    Below a root without a name of its own something must move by more than a tilting laser does.
     """
-    found: list[str] = []
-    for name in filter(None, names):
-        near = sorted(f for f in tree.frames if tree.path_between(f, name) is not None)
-        found += by_name(near, MAPS)
-        line = tree.ancestors(name)
-        root = line[-1]
-        if len(line) > 1 and not is_odom(root) and not is_base(root) and root not in found:
-            steps = [
-                np.ptp(tree.track((above, low)).numbers[:, :3], axis=0).max()
-                for low, above in pairwise(line)
-                if tree.moves((above, low)) and len(tree.track((above, low)))
-            ]
-            if max(steps, default=0.0) > DRIVEN:
-                found.append(root)
+    found = by_name(around(tree, names), MAPS)
+    for line in (tree.ancestors(name) for name in names if name in tree.frames):
+        steps = [
+            np.ptp(tree.track((above, low)).numbers[:, :3], axis=0).max()
+            for low, above in pairwise(line)
+            if tree.moves((above, low)) and len(tree.track((above, low)))
+        ]
+        if not is_odom(line[-1]) and not is_base(line[-1]) and max(steps, default=0.0) > DRIVEN:
+            found.append(line[-1])
     return list(dict.fromkeys(found))
 
 
 def odom_frames(tree: Tree, names: list[str]) -> list[str]:
-    """Frames of odometry that lead to the sensor, "odom" first."""
-    near = [
-        frame
-        for frame in sorted(tree.frames)
-        if is_odom(frame)
-        and any(tree.path_between(frame, name) is not None for name in names if name)
-    ]
-    return sorted(near, key=lambda frame: frame.rsplit("/", 1)[-1] != "odom")
+    """Frames of odometry, "odom" first."""
+    found = [frame for frame in around(tree, names) if is_odom(frame)]
+    return sorted(found, key=lambda frame: last_part(frame) != "odom")
 
 
 def kind_of(poses: PoseTimes) -> Kind:

@@ -116,7 +116,7 @@ def survey(log: Log, notes: Notes, **options: Unpack[Options]) -> Drive:
     keep = sift(scans, times, window, zero, notes, log.path)
     tell_missing(gathered, scans, way, keep, times, zero)
     keep &= way.placed.valid
-    choice = tell_choice(gathered, scans, way, keep, reason)
+    choice = tell_choice(gathered, scans, way, keep, reason, bool(wishes.pose))
     rows = np.flatnonzero(keep)
     rows = rows[np.argsort(times[rows], kind="stable")]
     posed = len(rows)
@@ -172,7 +172,7 @@ def _chosen(gathered: Gathered, wishes: Wishes) -> tuple[ScanTimes, Clock, Way |
     clocks: dict[Topic, Clock] = {}
     found: dict[Topic, list[Way]] = {}
     for topic, scans in gathered.scans.items():
-        clocks[topic] = Clock.of(scans.stamps_ns, scans.logs_ns)
+        clocks[topic] = gathered.clock(scans)
         found[topic] = ways(gathered, scans, clocks[topic], wishes) if len(scans) else []
     reach = {t: max((w.placed.share for w in some), default=0.0) for t, some in found.items()}
     topic, reason = pick_scan(gathered, reach)

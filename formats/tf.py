@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
+from contextlib import suppress
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -28,16 +29,16 @@ Edge = tuple[str, str]  # parent, child
 
 
 class Missing(NamedTuple):
-    """Times at which one edge of a chain has no transform.
+    """Times at which something on the way to a pose is not known.
 
     Attributes:
-        edge: parent, child.
+        what: "transform odom > base_link".
         why: BEFORE, AFTER, GAP or JUMP.
-        bound_ns: the first time of the edge for BEFORE, the last for AFTER, else 0.
-        rows: (k,) which of the asked times; a row is counted at one edge only.
+        bound_ns: its first time for BEFORE, its last for AFTER, 0 where it has none.
+        rows: (k,) which of the asked times; a row is counted once.
     """
 
-    edge: Edge
+    what: str
     why: Why
     bound_ns: int
     rows: npt.NDArray[np.intp]
@@ -49,6 +50,19 @@ class Lookup(NamedTuple):
     matrices: Floats
     valid: npt.NDArray[np.bool_]
     missing: list[Missing]
+
+
+def missing_of(
+    what: str, known_ns: Times, why: npt.NDArray[np.uint8], wanted: npt.NDArray[np.bool_]
+) -> list[Missing]:
+    """The wanted rows that are not OK, by the reason; `known_ns` are the times that are known."""
+    found = []
+    for kind in (Why.BEFORE, Why.AFTER, Why.GAP, Why.JUMP):
+        rows = np.flatnonzero((why == kind) & wanted)
+        if rows.size:
+            ends = {Why.BEFORE: known_ns[:1], Why.AFTER: known_ns[-1:]}.get(kind, known_ns[:0])
+            found.append(Missing(what, kind, int(ends[0]) if ends.size else 0, rows))
+    return found
 
 
 def plain(frame: str) -> str:
@@ -78,6 +92,7 @@ class Tree:
         self._names: dict[Edge, Edge | None] = {}
         self._parents: dict[str, str] | None = None
         self._tracks: dict[Edge, Track] = {}
+        self._odd: dict[Edge, dict[str, int]] = {}  # of static edges; told of those that are used
         self._told: set[Edge] = set()
 
     def add(self, transforms: Iterable[Transform], log_ns: int, *, static: bool) -> None:
@@ -106,15 +121,14 @@ class Tree:
 
     def _add_static(self, edge: Edge, numbers: Numbers) -> None:
         rows, keep, odd = clean(np.array([numbers]))
-        for what in odd:
-            self.notes.warn(self.path, f"{edge[0]} > {edge[1]}: {what}", topic="/tf_static")
-        if not keep[0]:
-            return
         before = self._statics.get(edge)
-        if before is not None and np.abs(rows[0] - clean(np.array([before]))[0][0]).max() > STEADY:
-            what = f"{edge[0]} > {edge[1]}: another static value (the last one counts)"
-            self.notes.warn(self.path, what, topic="/tf_static")
-        self._statics[edge] = numbers
+        if keep[0]:
+            self._statics[edge] = numbers
+            if before is not None and np.abs(rows - clean(np.array([before]))[0]).max() > STEADY:
+                odd["another static value (the last one counts)"] = 1
+        counts = self._odd.setdefault(edge, {})
+        for what in odd:
+            counts[what] = counts.get(what, 0) + 1
 
     def settle(self, clock: Clock, zero_ns: int = 0, max_gap_ns: int = MAX_GAP_NS) -> None:
         """Say how stamps become times; times in notes count from `zero_ns`."""
@@ -160,6 +174,25 @@ class Tree:
                 raise FormatError(self.path, f"the transforms form a loop, {loop}", topic="/tf")
         return line
 
+    def relatives(self, frame: str) -> list[str]:
+        """Every frame that is connected to this one, sorted; none where it is in no transform.
+
+        Raises:
+            FormatError: the frame itself hangs below a loop.
+        """
+        root = self.ancestors(frame)[-1]
+        found = []
+        for other in sorted(self.frames) if plain(frame) in self.frames else []:
+            with suppress(FormatError):  # a loop elsewhere harms nobody here
+                if self.ancestors(other)[-1] == root:
+                    found.append(other)
+        return found
+
+    def unstamped(self) -> bool:
+        """Whether all that moves is stamped 0: its log times must do."""
+        each = [samples.stamps_ns for samples in self._samples.values()]
+        return bool(each) and not any(stamps.any() for stamps in each)
+
     def path_between(self, target: str, source: str) -> tuple[list[Edge], list[Edge]] | None:
         """Edges from the common ancestor down to source, and down to target; None: unconnected."""
         up, down = self.ancestors(source), self.ancestors(target)
@@ -190,6 +223,10 @@ class Tree:
         self, edge: Edge, times_ns: Times, mounted: bool
     ) -> tuple[Floats, npt.NDArray[np.uint8] | None]:
         """(n or 1, 4, 4) of one edge, and (n,) of Why where it does not hold for all times."""
+        if edge in self._odd:
+            for what, count in self._odd.pop(edge).items():
+                problem = f"{edge[0]} > {edge[1]}: {what}"
+                self.notes.warn(self.path, problem, topic="/tf_static", count=count)
         samples = self._samples.get(edge)
         fixed = edge in self._statics
         if samples is not None and not (fixed and (mounted or self.track(edge).steady())):
@@ -229,23 +266,12 @@ class Tree:
                 step, why = self._at(edge, times, mounted)
                 side = side @ step
                 if why is not None:
-                    missing += self._missing(edge, why, valid)
+                    known = self.track(edge).times_ns if edge in self._samples else times[:0]
+                    missing += missing_of(f"transform {edge[0]} > {edge[1]}", known, why, valid)
                     valid &= why == Why.OK
             sides.append(side)
         found = inverse(sides[1]) @ sides[0]
         return Lookup(np.broadcast_to(found, (len(times), 4, 4)), valid, missing)
-
-    def _missing(
-        self, edge: Edge, why: npt.NDArray[np.uint8], valid: npt.NDArray[np.bool_]
-    ) -> list[Missing]:
-        found = []
-        for kind in (Why.BEFORE, Why.AFTER, Why.GAP, Why.JUMP):
-            rows = np.flatnonzero((why == kind) & valid)
-            if rows.size:
-                times = self.track(edge).times_ns if edge in self._samples else np.zeros(1)
-                bound = {Why.BEFORE: times[:1], Why.AFTER: times[-1:]}.get(kind, np.zeros(1))
-                found.append(Missing(edge, kind, int(bound[0]) if bound.size else 0, rows))
-        return found
 
     def forget(self, wanted: Collection[str]) -> None:
         """Drop the edges that lead to none of the wanted frames: wheels, fingers, markers."""

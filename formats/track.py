@@ -21,6 +21,7 @@ JUMP_M, JUMP_SPEED = 1.0, 10.0
 JUMP_RAD, JUMP_TURN = 1.0, 10.0
 MAX_GAP_NS = 2 * SECOND
 LONGEST_GAP_NS = 10 * SECOND  # also for poses that always come seldom
+MANY = 10  # steps that say what is usual
 STEADY = 1e-6
 MOST_TOLD = 20  # teleports
 
@@ -182,7 +183,7 @@ def breaks(times_ns: Times, numbers: Floats, max_gap_ns: int) -> npt.NDArray[np.
     broken = np.zeros(dt.size, dtype=np.uint8)
     if not dt.size:
         return broken
-    seldom = min(5 * int(np.median(dt)), LONGEST_GAP_NS)
+    seldom = min(5 * int(np.median(dt)), LONGEST_GAP_NS) if dt.size >= MANY else 0
     broken[dt > max(max_gap_ns, seldom)] = Why.GAP
     seconds = dt / SECOND
     step = np.linalg.norm(np.diff(numbers[:, :3], axis=0), axis=1)

@@ -138,9 +138,9 @@ def test_nothing_is_extrapolated_and_the_reason_is_said() -> None:
         put(tf, "odom", "base", t, numbers(t, 0, 0))
     found = tf.lookup("odom", "base", [SECOND - 1, SECOND, 2 * SECOND, 2 * SECOND + 1])
     assert found.valid.tolist() == [False, True, True, False]
-    assert [(m.edge, m.why, m.bound_ns, m.rows.tolist()) for m in found.missing] == [
-        (("odom", "base"), Why.BEFORE, SECOND, [0]),
-        (("odom", "base"), Why.AFTER, 2 * SECOND, [3]),
+    assert [(m.what, m.why, m.bound_ns, m.rows.tolist()) for m in found.missing] == [
+        ("transform odom > base", Why.BEFORE, SECOND, [0]),
+        ("transform odom > base", Why.AFTER, 2 * SECOND, [3]),
     ]
 
 

@@ -1,0 +1,276 @@
+"""Which topic is the scan and where poses come from: a table of logs, and the errors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from formats.drive import Drive
+from formats.errors import FormatError, Notes, UsageError
+from formats.frame import Pose
+from formats.stream import Options, frames, survey
+from tests.ros_logs import RosLog
+
+RANGES = [1.0, 2.0, 3.0]
+Add = Callable[[RosLog, float, float], None]  # log, time, metres driven
+
+
+def scans(log: RosLog, _t: float, _x: float) -> None:
+    log.scan(_t, RANGES)
+
+
+def mount(log: RosLog, t: float, _x: float) -> None:
+    if t == 0:
+        log.static("base_link", "laser", (0.2, 0.0, 0.0))
+
+
+def odom(log: RosLog, t: float, x: float) -> None:
+    log.tf(t, "odom", "base_link", (x, 0.0, 0.0))
+
+
+def map_odom(log: RosLog, t: float, _x: float) -> None:
+    log.tf(t, "map", "odom", (100.0, 0.0, 0.0))
+
+
+def vicon(log: RosLog, t: float, x: float) -> None:
+    log.tf(t, "lab_origin", "base_link", (200.0 + x, 0.0, 0.0))
+
+
+def truth(log: RosLog, t: float, x: float) -> None:
+    log.pose(t, "/truth", (300.0 + x, 0.0, 0.0))
+
+
+def amcl(log: RosLog, t: float, x: float) -> None:
+    log.amcl_pose(t, (400.0 + x, 0.0, 0.0))
+
+
+def odometry(log: RosLog, t: float, x: float) -> None:
+    log.odometry(t, (500.0 + x, 0.0, 0.0))
+
+
+def global_odometry(log: RosLog, t: float, x: float) -> None:
+    log.odometry(t, (600.0 + x, 0.0, 0.0), topic="/global", frame="map")
+
+
+def seldom_goal(log: RosLog, t: float, _x: float) -> None:
+    if t in (0.0, 2.5):
+        log.pose(t, "/goal", (900.0, 0.0, 0.0))
+
+
+def slashed(log: RosLog, t: float, x: float) -> None:
+    log.tf(t, "/map", "/odom", (100.0, 0.0, 0.0))
+    log.tf(t, "/odom", "/base_link", (x, 0.0, 0.0))
+
+
+def reversed_map(log: RosLog, t: float, _x: float) -> None:
+    log.tf(t, "odom", "map", (-100.0, 0.0, 0.0))
+
+
+def brief_map(log: RosLog, t: float, _x: float) -> None:
+    if t < 0.5:
+        log.tf(t, "map", "odom", (100.0, 0.0, 0.0))
+
+
+def drive(*adds: Add, steps: int = 30) -> RosLog:
+    log = RosLog()
+    for k in range(steps):
+        for add in adds:
+            add(log, k / 10, 0.05 * k)
+    return log
+
+
+def opened(log: RosLog, **options: object) -> tuple[Drive, Notes]:
+    notes = Notes()
+    return survey(log.opened(), notes, **options), notes  # type: ignore[arg-type]
+
+
+CASES: list[tuple[list[Add], Options, str, float]] = [
+    # what the log holds, options, kind of source, x of the first pose
+    ([odom, map_odom], {}, "tf", 100.2),
+    ([odom, map_odom, truth, amcl, odometry], {}, "tf", 100.2),
+    ([slashed], {}, "tf", 100.2),
+    ([odom, reversed_map], {}, "tf", 100.2),
+    ([vicon], {}, "tf", 200.2),
+    ([odom, truth, amcl, odometry], {}, "pose topic", 300.2),
+    ([odom, amcl, odometry], {}, "amcl_pose", 400.2),
+    ([amcl], {}, "amcl_pose", 400.2),
+    ([odom, odometry], {}, "tf odometry", 0.2),
+    ([odometry], {}, "odometry topic", 500.2),
+    ([global_odometry, odom], {}, "pose topic", 600.2),
+    ([odom, truth, seldom_goal], {}, "pose topic", 300.2),
+    ([odom, seldom_goal], {}, "tf odometry", 0.2),
+    ([odom, map_odom, truth], {"pose": "/truth"}, "pose topic", 300.2),
+    ([odom, map_odom, truth], {"pose": "truth"}, "pose topic", 300.2),
+    ([odom, map_odom, odometry], {"pose": "/odom"}, "odometry topic", 500.2),
+    ([odom, truth], {"pose": "tf"}, "tf odometry", 0.2),
+    ([odom, map_odom], {"map_frame": "odom"}, "tf", 0.2),
+    ([odom, map_odom], {"sensor_pose": Pose(0.5, 0.0, 0.0)}, "tf", 100.5),
+    ([odom, map_odom], {"base_frame": "laser"}, "tf", 100.2),
+    # A map frame that reaches 5 of 30 scans only is not enough where odometry reaches all.
+    ([odom, brief_map], {}, "tf odometry", 0.2),
+]
+
+
+@pytest.mark.parametrize(("adds", "options", "kind", "x"), CASES)
+def test_pose_source(adds: list[Add], options: Options, kind: str, x: float) -> None:
+    found, notes = opened(drive(scans, mount, *adds), **options)
+    assert found.choice.source.kind == kind
+    assert found.poses[0, 0] == pytest.approx(x)
+    assert found.choice.in_map == ("odometry" not in kind)
+    assert any("odometry alone" in str(note) for note in notes) == ("odometry" in kind)
+    assert len(found.choice.reasons) == 2
+    assert [note.problem for note in notes.of("info")][-2:] == found.choice.reasons
+
+
+def test_frames_are_named_with_their_reasons() -> None:
+    found, _ = opened(drive(scans, mount, odom, map_odom))
+    choice = found.choice
+    assert (choice.map_frame, choice.base_frame, choice.sensor_frame) == (
+        "map",
+        "base_link",
+        "laser",
+    )
+    assert choice.sensor_pose == pytest.approx((0.2, 0.0, 0.0))
+    assert choice.reasons == [
+        "scans from /scan (LaserScan: the only LaserScan)",
+        "poses from tf map > base_link > laser (30 of 30 scans): tf knows the map frame",
+    ]
+
+
+def test_a_scan_on_the_body_needs_no_transform() -> None:
+    log = RosLog()
+    for k in range(10):
+        log.scan(k / 10, RANGES, frame="base_link")
+        log.pose(k / 10, "/pose", (k / 10, 0.0, 0.0))
+    found, _ = opened(log)
+    assert found.poses[:, 0].tolist() == pytest.approx([k / 10 for k in range(10)])
+
+
+def test_a_scan_without_a_frame_sits_on_the_body_with_a_warning() -> None:
+    log = drive(mount, odom)
+    for k in range(10):
+        log.scan(k / 10, RANGES, frame="")
+    found, notes = opened(log)
+    assert found.poses[0, 0] == 0.0
+    assert any("scans name no frame" in str(note) for note in notes.of("warning"))
+
+
+def second_scan(log: RosLog, t: float, _x: float) -> None:
+    log.scan(t, RANGES, topic="/rear", frame="rear")
+
+
+def second_mount(log: RosLog, t: float, _x: float) -> None:
+    if t == 0:
+        log.static("base_link", "rear", (-0.2, 0.0, 3.0))
+
+
+def few_scans(log: RosLog, t: float, _x: float) -> None:
+    if t < 0.2:
+        log.scan(t, RANGES, topic="/seldom")
+
+
+def test_several_scan_topics_are_listed_with_what_to_type() -> None:
+    log = drive(scans, mount, odom, second_scan, second_mount)
+    with pytest.raises(UsageError) as caught:
+        opened(log)
+    assert str(caught.value) == (
+        "memory: 2 topics may be the scan: /rear (LaserScan x30), /scan (LaserScan x30); "
+        "choose one with --scan /rear or --scan /scan"
+    )
+    assert opened(log, scan="/rear")[0].poses[0, 0] == pytest.approx(-0.2)
+    assert opened(log, scan="rear")[0].choice.reasons[0] == (
+        "scans from /rear (LaserScan: as asked for)"
+    )
+
+
+def test_the_only_scan_that_transforms_reach_is_taken() -> None:
+    found, _ = opened(drive(scans, mount, odom, second_scan))
+    assert found.choice.reasons[0] == (
+        "scans from /scan (LaserScan: the only one that the transforms reach)"
+    )
+
+
+def test_a_topic_with_few_messages_is_not_a_peer() -> None:
+    found, _ = opened(drive(scans, mount, odom, few_scans))
+    assert found.choice.scan.name == "/scan"
+
+
+def test_two_types_on_one_topic_give_the_laser_scan() -> None:
+    log = drive(scans, mount, odom)
+    for k in range(60):
+        log.say(k / 20, "/scan", "std_msgs/msg/String", data="no scan")
+    assert opened(log)[0].choice.scan.type == "sensor_msgs/msg/LaserScan"
+
+
+def test_several_pose_topics_are_listed_with_what_to_type() -> None:
+    def other(log: RosLog, t: float, x: float) -> None:
+        log.pose(t, "/other", (x, 0.0, 0.0))
+
+    with pytest.raises(UsageError, match=r"2 topics may be .* --pose /other or --pose /truth"):
+        opened(drive(scans, mount, truth, other))
+
+
+ERRORS: list[tuple[list[Add], Options, int, str]] = [
+    ([odom], {}, 1, "no scans: looked for LaserScan"),
+    ([scans], {}, 1, "/scan: no pose source: looked for tf .* found none of these; .*--pose"),
+    ([scans, mount], {}, 1, "/scan: no pose source: .* found /tf_static .*base_link > laser"),
+    (
+        [scans, odom],
+        {},
+        1,
+        r"/scan: no transform base_link <- laser at 0.00 s \(30 of 30 scans\); "
+        "give --sensor-pose X,Y,YAW or record /tf_static",
+    ),
+    ([scans, truth], {}, 1, "no transform base_link <- laser .*--sensor-pose"),
+    ([scans, mount, odom], {"scan": "/none"}, 2, r"/none: no such topic; scans here: /scan"),
+    ([scans, mount, odom], {"scan": "/tf"}, 2, "/tf: tf2_msgs/msg/TFMessage is not a scan"),
+    ([scans, mount, odom], {"pose": "/none"}, 2, "/none: no such topic; poses here: none, or tf"),
+    ([scans, mount, odom], {"pose": "/scan"}, 2, "sensor_msgs/msg/LaserScan has no poses"),
+    ([scans, mount, odom], {"map_frame": "mapp"}, 2, "no frame mapp .* frames: base_link, laser"),
+    ([scans, mount, odom], {"base_frame": "bass"}, 2, "no frame bass .* frames: base_link, laser"),
+]
+
+
+@pytest.mark.parametrize(("adds", "options", "code", "text"), ERRORS)
+def test_errors_say_what_was_looked_for_and_what_to_do(
+    adds: list[Add], options: Options, code: int, text: str
+) -> None:
+    with pytest.raises(FormatError, match=text) as caught:
+        opened(drive(*adds), **options)
+    assert caught.value.exit_code == code
+    assert "\n" not in str(caught.value)
+
+
+def test_no_messages_is_said() -> None:
+    with pytest.raises(FormatError, match="no messages"):
+        opened(RosLog())
+
+
+def test_a_sensor_pose_replaces_what_tf_does_not_say() -> None:
+    found, _ = opened(drive(scans, truth), sensor_pose=Pose(0.1, 0.2, 0.3))
+    assert found.poses[0] == pytest.approx([300.1, 0.2, 0.3])
+
+
+def test_sonar_topics_are_taken_only_where_there_is_no_laser() -> None:
+    def sonar(log: RosLog, t: float, _x: float) -> None:
+        header = log.header(t, "laser", None)
+        fields: dict[str, Any] = {
+            "field_of_view": 0.5,
+            "min_range": 0.1,
+            "max_range": 4.0,
+            "range": 1.5,
+        }
+        log.say(t, "/sonar", "sensor_msgs/msg/Range", header=header, **fields)
+
+    assert opened(drive(scans, sonar, mount, odom))[0].choice.scan.name == "/scan"
+    found, _ = opened(drive(sonar, mount, odom))
+    scan = next(iter(found.frames())).scan
+    assert (scan.bearings.tolist(), scan.widths.tolist()) == ([0.0], [0.5])
+    assert scan.ranges.tolist() == [1.5]
+
+
+def test_frames_is_a_plain_loop() -> None:
+    made: Iterator[object] = frames(drive(scans, mount, odom).opened())
+    assert len(list(made)) == 30
