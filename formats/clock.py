@@ -14,11 +14,12 @@ JUMP_NS = SECOND
 # So many messages must agree that the clock is back; fewer are strays.
 LASTING = 5
 MOST_JUMPS = 1000
+CLOSE_NS = 2 * SECOND  # messages of different topics are recorded out of step by less
 
 
 def none() -> Times:
-    """No times."""
-    return np.empty(0, dtype=np.int64)
+    """No jumps."""
+    return np.empty((0, 2), dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,14 +32,14 @@ class Clock:
 
     Attributes:
         by_log: the header stamps say nothing (all 0): log times count.
-        jumps_ns: (k,) log times at which the stamps jump back.
-        back_ns: (k,) by how much.
+        before_ns: (k, 2) the last stamp before each jump and its log time.
+        after_ns: (k, 2) the first stamp after it, and its log time.
         shifts_ns: (k + 1,) what is added to the stamps of each pass.
     """
 
     by_log: bool = False
-    jumps_ns: Times = field(default_factory=none)
-    back_ns: Times = field(default_factory=none)
+    before_ns: Times = field(default_factory=none)
+    after_ns: Times = field(default_factory=none)
     shifts_ns: Times = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
 
     @classmethod
@@ -49,22 +50,31 @@ class Clock:
         starts = jumps(stamps_ns)
         if not starts.size:
             return cls()
-        back = stamps_ns[starts - 1] - stamps_ns[starts]
-        onward = np.maximum(logs_ns[starts] - logs_ns[starts - 1], 1)
-        shifts = np.concatenate([[0], np.cumsum(back + onward)])
-        return cls(jumps_ns=logs_ns[starts], back_ns=back, shifts_ns=shifts)
+        both = np.stack([stamps_ns, logs_ns], axis=1)
+        before, after = both[starts - 1], both[starts]
+        onward = np.maximum(after[:, 1] - before[:, 1], 1)
+        shifts = np.concatenate([[0], np.cumsum(before[:, 0] - after[:, 0] + onward)])
+        return cls(before_ns=before, after_ns=after, shifts_ns=shifts)
 
-    def passes(self, logs_ns: Times) -> npt.NDArray[np.intp]:
-        """Which pass each message belongs to, by its log time."""
-        return np.searchsorted(self.jumps_ns, logs_ns, side="right")
+    def passes(self, stamps_ns: Times, logs_ns: Times) -> npt.NDArray[np.intp]:
+        """Which pass each message belongs to: by its log time, close to a jump by its lag."""
+        found = np.searchsorted(self.after_ns[:, 1], logs_ns, side="right")
+        lags = logs_ns - stamps_ns
+        for number, (before, after) in enumerate(zip(self.before_ns, self.after_ns, strict=True)):
+            close = np.abs(logs_ns - after[1]) < CLOSE_NS
+            close &= (found == number) | (found == number + 1)
+            old, new = before[1] - before[0], after[1] - after[0]
+            later = np.abs(lags - new) < np.abs(lags - old)
+            found[close] = number + later[close]
+        return found
 
     def times(self, stamps_ns: Times, logs_ns: Times) -> Times:
         """(n,) ns at which messages count."""
         if self.by_log:
             return logs_ns
-        if not self.jumps_ns.size:
+        if not len(self.after_ns):
             return stamps_ns
-        return stamps_ns + self.shifts_ns[self.passes(logs_ns)]
+        return stamps_ns + self.shifts_ns[self.passes(stamps_ns, logs_ns)]
 
 
 def jumps(stamps_ns: Times) -> npt.NDArray[np.intp]:

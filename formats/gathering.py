@@ -5,7 +5,7 @@ from __future__ import annotations
 from array import array
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
-from math import isfinite
+from math import inf, isfinite
 from typing import Any
 
 import numpy as np
@@ -44,12 +44,14 @@ class ScanTimes:
         sensor: how the topic's type is read.
         names: frames that the scans name.
         limit: m, the longest range of any scan.
+        unlimited: how many scans state no longest range.
         faults: why scans cannot be used; `fault` indexes it, 0 is "".
     """
 
     topic: Topic
     names: list[str] = field(default_factory=list)
     limit: float = 0.0
+    unlimited: int = 0
     faults: list[str] = field(default_factory=lambda: [""])
     _stamps: array[int] = field(default_factory=lambda: array("q"))
     _logs: array[int] = field(default_factory=lambda: array("q"))
@@ -67,6 +69,7 @@ class ScanTimes:
         limit = sensor.limit(reading)
         if not fault and limit > self.limit:
             self.limit = limit
+        self.unlimited += limit == inf
 
     def add_broken(self, fault: str, log_ns: int) -> None:
         """One more that could not be decoded: it keeps its place in the order."""

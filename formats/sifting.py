@@ -8,7 +8,8 @@ import numpy.typing as npt
 from formats.clock import SECOND, Clock, Times, strays
 from formats.errors import FormatError, Notes, Path
 from formats.gathering import ScanTimes
-from formats.track import Samples
+from formats.sensing import LEVEL
+from formats.track import Floats, Samples
 
 Mask = npt.NDArray[np.bool_]
 LONG_GAP_S = 5.0
@@ -28,11 +29,14 @@ def tell_clock(scans: ScanTimes, clock: Clock, notes: Notes, path: Path, zero_ns
     if clock.by_log:
         notes.warn(path, "header stamps are all 0: log times count", topic=name)
         return
-    for jump, back in zip(clock.jumps_ns, clock.back_ns, strict=True):
-        at = scans.logs_ns == jump
-        when = clock.times(scans.stamps_ns[at][:1], scans.logs_ns[at][:1])[0]
-        problem = f"clock goes back by {back / SECOND:.2f} s; what follows is a pass of its own"
-        notes.warn(path, problem, topic=name, at=seconds(when, zero_ns))
+    firsts = clock.after_ns[:, 0]
+    for last, first, shift in zip(clock.before_ns[:, 0], firsts, clock.shifts_ns[1:], strict=True):
+        back = (last - first) / SECOND
+        problem = f"clock goes back by {back:.2f} s; what follows is a pass of its own"
+        notes.warn(path, problem, topic=name, at=seconds(first + shift, zero_ns))
+    if scans.unlimited:
+        what = "range_max is 0 or inf: ranges are not limited"
+        notes.warn(path, what, topic=name, count=scans.unlimited)
     lag = lag_s(scans.stamps_ns, scans.logs_ns)
     if abs(lag) > YEAR_S:
         notes.info(path, "stamps are of another clock than log times (simulated time)", topic=name)
@@ -121,6 +125,21 @@ def tell_gaps(times_ns: Times, notes: Notes, path: Path, name: str, zero: int) -
         for row in np.flatnonzero(steps > limit)[:20]:
             at = seconds(times_ns[row], zero)
             notes.warn(path, f"no scans for {steps[row] / SECOND:.1f} s", topic=name, at=at)
+
+
+def tell_attitude(scans: ScanTimes, matrices: Floats, notes: Notes, path: Path) -> None:
+    """Note a sensor that is upside down or tilted; its readings are mirrored or projected."""
+    upright = matrices[:, 2, 2]
+    name = scans.topic.name
+    if np.any(upright <= -LEVEL):
+        notes.info(path, "sensor is upside down: its scans are mirrored", topic=name)
+    tilted = np.abs(upright) < LEVEL
+    if tilted.any():
+        most = np.degrees(np.arccos(np.abs(upright).min()))
+        what = (
+            f"sensor is tilted by up to {most:.0f} deg: projected, what leaves its slab is left out"
+        )
+        notes.warn(path, what, topic=name, count=int(tilted.sum()))
 
 
 def plausible_sweeps(

@@ -29,7 +29,7 @@ from formats.choice import (
 )
 from formats.clock import SECOND, Clock, Times
 from formats.drive import Drive
-from formats.errors import Notes
+from formats.errors import Notes, UsageError
 from formats.explaining import tell_choice, tell_missing
 from formats.frame import Frame, Pose
 from formats.gathering import Gathered, ScanTimes, gather
@@ -37,7 +37,7 @@ from formats.gating import gate
 from formats.log import Log, Topic
 from formats.opening import READERS, open_log
 from formats.poses import bodies, flat
-from formats.sifting import plausible_sweeps, sift, tell_clock
+from formats.sifting import plausible_sweeps, sift, tell_attitude, tell_clock
 from formats.track import MAX_GAP_NS, Floats, inverse
 
 __all__ = ["READERS", "Drive", "Options", "frames", "open_log", "survey"]
@@ -125,14 +125,18 @@ def survey(log: Log, notes: Notes, **options: Unpack[Options]) -> Drive:
         good = plausible_sweeps(scans, times, keep, notes, log.path)[rows]
         if good.any():
             found, middles, sweeps = _swept(gathered, scans, way, rows, good, times, wishes)
+    tell_attitude(scans, found, notes, log.path)
     poses = flat(found)
-    taken = gate(
-        poses,
-        every=options.get("every", 1),
-        min_travel=options.get("min_travel", 0.0),
-        min_turn=options.get("min_turn", 0.0),
-        readings_per_pose=options.get("readings_per_pose"),
-    )
+    try:
+        taken = gate(
+            poses,
+            every=options.get("every", 1),
+            min_travel=options.get("min_travel", 0.0),
+            min_turn=options.get("min_turn", 0.0),
+            readings_per_pose=options.get("readings_per_pose"),
+        )
+    except ValueError as error:
+        raise UsageError(log.path, str(error)) from None
     return Drive(
         log,
         notes,
@@ -197,7 +201,8 @@ def _swept(
 
     Where a sweep reaches beyond the poses the scan stays as it is: pose at its stamp, motion nan.
     """
-    sweep = np.where(good, scans.sweeps_s[rows] * SECOND, 0).astype(np.int64)
+    # Whole microseconds: time_increment is a float32.
+    sweep = np.rint(np.where(good, scans.sweeps_s[rows], 0.0) * 1e6).astype(np.int64) * 1000
     middles = times[rows] + sweep // 2
     found = way.placed.matrices[rows].copy()
     sweeps = np.full((len(rows), 6), np.nan)

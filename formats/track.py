@@ -100,7 +100,7 @@ class Track:
         """
         numbers, keep, odd = clean(samples.numbers)
         times = clock.times(samples.stamps_ns, samples.logs_ns)
-        passes = clock.passes(samples.logs_ns)
+        passes = clock.passes(samples.stamps_ns, samples.logs_ns)
         keep &= clock.by_log | (samples.stamps_ns >= 0)
         if not np.all(keep):
             times, numbers, passes = times[keep], numbers[keep], passes[keep]
