@@ -15,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 from formats.compression import crc32, inflate
-from formats.errors import printable
 from formats.mcap_parse import HEAD
 from formats.mcap_records import CHUNK, DATA_END, FOOTER, HEADER, MESSAGE, Buffer
 
@@ -99,8 +98,8 @@ def load(data: memoryview, block: Block, max_chunk: int) -> Loaded:
         try:
             inner, sound = inflate(block.compression, packed, block.size, max_chunk)
         except ValueError:
-            name = printable(block.compression, 20)
-            return Loaded(b"", f"chunk with unknown compression {name!r}", lost=True)
+            name = block.compression[:20]
+            return Loaded(b"", f"chunk with unknown compression '{name}'", lost=True)
     if block.cut:
         return Loaded(inner, "cut in a chunk", lost=True)
     if block.crc and crc32(inner) == block.crc:

@@ -11,13 +11,8 @@ from formats.mcap_blocks import Block
 from formats.mcap_parse import MalformedError, parse
 from formats.mcap_records import Buffer
 
-NAMES = {
-    r.SCHEMA: "schema",
-    r.CHANNEL: "channel",
-    r.MESSAGE: "a message",
-    r.ATTACHMENT: "an attachment",
-    r.METADATA: "metadata",
-}
+PRIVATE = 0x80  # opcodes from here on are for extensions, and skipped
+NAMES = {r.SCHEMA: "schema", r.CHANNEL: "channel"}
 
 
 @dataclass
@@ -47,6 +42,7 @@ class Contents:
     Attributes:
         parts: one for each of the files that are glued together.
         blocks: in the order of the file.
+        definitions: (opcode, start, stop, part) of schemas and channels outside chunks.
         attachments, metadata: (start, stop) of the contents of their records.
         cut: (kind of note, what is cut, byte) where the file ends too early.
         damaged: the first byte that is no record.
@@ -55,6 +51,7 @@ class Contents:
 
     parts: list[Part]
     blocks: list[Block] = field(default_factory=list)
+    definitions: list[tuple[int, int, int, int]] = field(default_factory=list)
     attachments: list[tuple[int, int]] = field(default_factory=list)
     metadata: list[tuple[int, int]] = field(default_factory=list)
     cut: tuple[Kind, str, int] | None = None
@@ -87,11 +84,13 @@ def define(
         notes.lose(path, "message of a wrong length", at=place)
     elif inside and opcode == r.CHUNK:
         notes.warn(path, "chunk inside a chunk skipped", at=place)
+    elif r.DATA_END < opcode < PRIVATE:
+        notes.warn(path, f"record of unknown kind {opcode} skipped", at=place)
     elif opcode in (r.SCHEMA, r.CHANNEL):
         try:
             record = parse(opcode, content)
         except MalformedError:
-            notes.lose(path, f"damaged {NAMES[opcode]}", at=place)
+            notes.warn(path, f"damaged {NAMES[opcode]}", at=place)
             return
         kept: r.Record
         if isinstance(record, r.Schema):

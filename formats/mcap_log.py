@@ -79,6 +79,10 @@ class McapLog:
         self.path, self._pages, self._notes, self._max_chunk = path, pages, notes, max_chunk
         self._data = memoryview(pages)
         self._contents, self.container, indexed = scan(path, self._data, notes, max_chunk)
+        found = self._contents
+        if not (found.ended or found.blocks or found.definitions or found.attachments):
+            self.close()
+            raise FormatError(path, "holds no records; its recording ended at once")
         self._tables = topics_of(path, notes, self._contents.parts)
         # Blocks that have not been opened yet: their losses are not in the notes.
         self._unseen = {block.at for block in self._contents.blocks} if indexed else set()
@@ -120,9 +124,13 @@ class McapLog:
         if block.at in self._unseen:
             self._unseen.remove(block.at)
             part = self._contents.parts[block.part]
-            before = self._notes.total("lost")
-            note_chunk(self.path, self._data, self._notes, part, block, chunk, found, walked)
-            if self._notes.total("lost") > before:
+            lost = note_chunk(self.path, self._data, self._notes, part, block, chunk, found, walked)
+            known = _mask(self._tables[block.part])[found["channel"]]
+            if not known.all():
+                problem = "messages on channels that are not defined"
+                count, place = int((~known).sum()), f"byte {block.at}"
+                self._notes.lose(self.path, problem, at=place, count=count)
+            if lost or not known.all():
                 state = f"damaged at byte {block.at}"
                 self.container = replace(self.container, whole=False, state=state)
         return found
@@ -138,8 +146,8 @@ class McapLog:
             except MalformedError:
                 self._notes.lose(self.path, "damaged attachment", at=f"byte {start}")
                 continue
-            checked = self._data[start : stop - 4]
-            if found.crc and crc32(checked) != found.crc:
+            content = self._data[start:stop]
+            if found.crc and crc32(content[: _checked(content)]) != found.crc:
                 problem = "attachment whose CRC does not match"
                 self._notes.lose(self.path, problem, at=f"byte {start}")
                 continue
@@ -160,6 +168,14 @@ class McapLog:
         with suppress(BufferError):
             self._data.release()
             self._pages.close()
+
+
+def _checked(content: memoryview) -> int:
+    """How many bytes of an attachment's record its CRC is of: all fields before it."""
+    at = 16
+    for size in (4, 4, 8):  # name, media type, data
+        at += size + int.from_bytes(content[at : at + size], "little")
+    return at
 
 
 def _mask(table: dict[int, Topic]) -> npt.NDArray[np.bool_]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 
 from formats.compression import crc32
 from formats.errors import Notes, Path
@@ -20,7 +20,7 @@ from formats.mcap_blocks import (
 )
 from formats.mcap_contents import Contents, Part, define
 from formats.mcap_parse import HEAD, MalformedError, parse
-from formats.mcap_records import MESSAGE_INDEX, MessageIndex
+from formats.mcap_records import MESSAGE_INDEX, SCHEMA, MessageIndex, Record
 from formats.mcap_summary import Summary, read_summary
 from formats.mcap_top import Top
 
@@ -39,26 +39,36 @@ def scan(
         max_chunk: the most bytes that a chunk may decompress to.
     """
     summary = read_summary(data)
+    before = notes.total("lost")
     quiet = Notes()
     contents = Top(path, data, quiet).walk()
-    indexed = not list(quiet) and _agrees(contents, summary)
+    indexed = not list(quiet) and _agrees(data, contents, summary)
     for note in quiet:
         notes.add(note.kind, path, note.problem, at=note.at, count=note.count)
     if indexed:
         _use(contents, summary)
     else:
         _survey(path, data, notes, max_chunk, contents)
-        _compare(path, notes, contents, summary)
-    _check_data(path, data, notes, contents)
+        _compare(path, notes, contents, summary, notes.total("lost") - before)
+    if notes.total("lost") == before:
+        _check_data(path, data, notes, contents)
     _say_cut(path, notes, contents)
     if summary.state in ("CRC wrong", "malformed"):
         notes.warn(path, f"summary not used: {summary.state}; read from end to end")
     return contents, _container(data, contents, summary, indexed), indexed
 
 
-def _agrees(contents: Contents, summary: Summary) -> bool:
-    """Whether the summary tells all about the chunks that are really there."""
+def _agrees(data: memoryview, contents: Contents, summary: Summary) -> bool:
+    """Whether the summary tells all about the records that are really there."""
     if not summary.complete or contents.cut or contents.damaged is not None:
+        return False
+    for opcode, start, stop, _ in contents.definitions:
+        told = summary.schemas if opcode == SCHEMA else summary.channels
+        if told.get(int.from_bytes(data[start : start + 2], "little")) != _parsed(
+            opcode, data[start:stop]
+        ):
+            return False
+    if not contents.parts[0].counts.keys() <= summary.channels.keys():
         return False
     chunks = [block for block in contents.blocks if not block.run]
     if len(chunks) != len(summary.chunks):
@@ -82,6 +92,13 @@ def _agrees(contents: Contents, summary: Summary) -> bool:
     return True
 
 
+def _parsed(opcode: int, content: memoryview) -> Record | None:
+    try:
+        return parse(opcode, content)
+    except MalformedError:
+        return None
+
+
 def _use(contents: Contents, summary: Summary) -> None:
     part = contents.parts[0]
     part.schemas |= summary.schemas
@@ -97,7 +114,15 @@ def _survey(path: Path, data: memoryview, notes: Notes, max_chunk: int, contents
     """Open every chunk, in the order of the file, for its channels, counts and times."""
     chunks = [block for block in contents.blocks if not block.run]
     seen = 0
+    definitions = deque(contents.definitions)
+
+    def define_until(at: int) -> None:
+        while definitions and definitions[0][1] < at:
+            opcode, start, stop, number = definitions.popleft()
+            define(path, notes, contents.parts[number], opcode, data[start:stop], start)
+
     for block, chunk in zip(chunks, loaded(data, chunks, max_chunk), strict=True):
+        define_until(block.at)
         part = contents.parts[block.part]
         walked = walk_block(chunk.data, 0, len(chunk.data))
         for opcode, start, stop in walked.others:
@@ -108,11 +133,14 @@ def _survey(path: Path, data: memoryview, notes: Notes, max_chunk: int, contents
         block.channels = frozenset(found)
         if len(index):
             block.first_ns, block.last_ns = int(index["time"].min()), int(index["time"].max())
-        note_chunk(path, data, notes, part, block, chunk, index, walked)
+        lost = note_chunk(path, data, notes, part, block, chunk, index, walked)
+        if lost and contents.damaged is None:
+            contents.damaged = block.at
         seen += block.stop - block.start
         if seen > 64 << 20:
             release(data)
             seen = 0
+    define_until(len(data))
     _check_channels(path, notes, contents)
 
 
@@ -125,8 +153,8 @@ def note_chunk(
     chunk: Loaded,
     index: Entries,
     walked: Walked,
-) -> None:
-    """Count what a chunk lost, by topic where the message index behind it tells.
+) -> bool:
+    """Count what a chunk lost, by topic where the message index behind it tells; whether it did.
 
     Args:
         path: the file.
@@ -142,10 +170,10 @@ def note_chunk(
     if chunk.problem and not chunk.lost:
         notes.warn(path, chunk.problem, at=place)
     if block.run or (not chunk.lost and walked.end == len(chunk.data)):
-        return
+        return False
     problem = chunk.problem if chunk.lost else "records inside a chunk that cannot be read"
     if block.cut and block.stop == len(data):
-        return  # said once, as the end of the file
+        return False  # said once, as the end of the file
     missing = _indexed(data, block.stop) - channel_counts(index)
     for channel, count in missing.items():
         known = part.channels.get(channel)
@@ -153,6 +181,7 @@ def note_chunk(
         notes.lose(path, f"{problem}: messages lost", topic=topic, at=place, count=count)
     if not missing:
         notes.lose(path, problem, at=place)
+    return True
 
 
 def _indexed(data: memoryview, at: int) -> Counter[int]:
@@ -180,13 +209,13 @@ def _check_channels(path: Path, notes: Notes, contents: Contents) -> None:
             notes.lose(path, problem, count=part.counts.pop(channel))
 
 
-def _compare(path: Path, notes: Notes, contents: Contents, summary: Summary) -> None:
+def _compare(path: Path, notes: Notes, contents: Contents, summary: Summary, lost: int) -> None:
     """Count messages that sound statistics speak of and nothing else has missed."""
     if summary.state != "ok" or summary.statistics is None or len(contents.parts) > 1:
         return
     part = contents.parts[0]
     missing = Counter(summary.statistics.channel_message_counts) - part.counts
-    if missing.total() <= notes.total("lost"):
+    if missing.total() <= lost:
         return
     for channel, count in missing.items():
         known = part.channels.get(channel) or summary.channels.get(channel)
@@ -199,7 +228,7 @@ def _check_data(path: Path, data: memoryview, notes: Notes, contents: Contents) 
     for number, part in enumerate(contents.parts):
         at, crc = part.data_end
         bare = any(not block.crc for block in contents.blocks if block.part == number)
-        if not crc or not bare or notes.total("lost"):
+        if not crc or not bare:
             continue
         value = 0
         for begin in range(part.begin, at, PIECE):

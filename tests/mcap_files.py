@@ -124,6 +124,7 @@ class McapBytes:
     library: str = ""
     out: bytearray = field(default_factory=bytearray)
     chunks: list[tuple[int, int]] = field(default_factory=list)  # (first byte, behind the last)
+    ends: list[int] = field(default_factory=list)  # of messages outside chunks
 
     def __post_init__(self) -> None:
         self.out += r.MAGIC + encode(r.Header(self.profile, self.library))
@@ -163,6 +164,8 @@ class McapBytes:
         at = len(self.out)
         self.out += encode(record)
         size = len(self.out) - at
+        if isinstance(record, r.RawMessage):
+            self.ends.append(len(self.out))
         if isinstance(record, r.Attachment) and "ax" in self.features:
             index: Any = r.AttachmentIndex(at, size, *record[:2], len(record.data), *record[2:4])
             self.indexes[10].append(encode(index))
