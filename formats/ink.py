@@ -39,7 +39,7 @@ def drawn(path: Path, grey: Grey, invert: bool | None, notes: Notes) -> Picture:
     if light_ink:
         grey = 255 - grey
         if invert is None:
-            notes.warn(path, "light lines on a dark ground: turned over (--no-invert keeps it)")
+            notes.warn(path, "light lines on a dark ground: turned over")
     counts = sum(
         (np.bincount(grey[rows].ravel(), minlength=256) for rows in strips(*grey.shape)),
         start=np.zeros(256, dtype=np.int64),

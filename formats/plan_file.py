@@ -163,8 +163,12 @@ def open_plan(
     )
 
 
-def _bytes(path: Path) -> bytes:
-    """The whole file, if it is one and not beyond reason."""
+def _check_file(path: Path) -> None:
+    """There must be an ordinary file of a size within reason.
+
+    Raises:
+        FormatError: there is none.
+    """
     try:
         if path.is_dir():
             raise FormatError(path, "is a folder, not a plan")
@@ -173,9 +177,18 @@ def _bytes(path: Path) -> bytes:
         if not path.is_file():
             raise FormatError(path, "is not an ordinary file")
         size = path.stat().st_size
-        if size > LARGEST_FILE:
-            raise FormatError(path, f"{size:,} bytes are too many for a plan")
-        return path.read_bytes()
+    except OSError as error:
+        raise FormatError(path, f"cannot be read: {error.strerror or error}") from None
+    if size > LARGEST_FILE:
+        raise FormatError(path, f"{size:,} bytes are too many for a plan")
+
+
+def _bytes(path: Path, most: int = -1) -> bytes:
+    """The file, or its first bytes."""
+    _check_file(path)
+    try:
+        with path.open("rb") as file:
+            return file.read(most)
     except OSError as error:
         raise FormatError(path, f"cannot be read: {error.strerror or error}") from None
 
@@ -184,11 +197,7 @@ def _is_yaml(path: Path) -> bool:
     """By its suffix, else by its first words."""
     if path.suffix.lower() in YAML_SUFFIXES:
         return True
-    if not path.is_file():
-        return False
-    with path.open("rb") as file:
-        head = file.read(4096)
-    return re.search(rb"^(image|resolution):\s", head, re.MULTILINE) is not None
+    return re.search(rb"^(image|resolution):\s", _bytes(path, 4096), re.MULTILINE) is not None
 
 
 def _read_yaml(path: Path, notes: Notes, inputs: dict[str, str], *, picture: bool) -> MapYaml:
@@ -248,11 +257,10 @@ OPENERS: tuple[tuple[Callable[[bytes], bool], Opener], ...] = ((is_picture, open
 STRANGERS = (
     (rb"version https://git-lfs", "is a Git LFS pointer, not the picture; run `git lfs pull`"),
     (rb"%PDF", "is a PDF, which is not read; save it as PNG"),
-    (rb"\s*(<\?xml[^>]*>\s*)?(<!--.*?-->\s*)*(<!DOCTYPE svg[^>]*>\s*)?<svg", "is an SVG, "
-     "which is not read; save it as PNG"),
+    (rb"\s*<[^\0]*<svg|\s*<svg", "is an SVG, which is not read; save it as PNG"),
     (rb"\s*0\r?\n\s*SECTION", "is a DXF, which is not read; save it as PNG"),
     (rb"\x89MCAP|#ROSBAG|SQLite format 3", "is a log, not a plan"),
-)  # fmt: skip
+)
 
 
 def _opener(path: Path, data: bytes) -> Opener:
