@@ -99,5 +99,5 @@ def define(
             assert isinstance(record, r.Channel)
             kept = part.channels.setdefault(record.id, record)
         if kept != record:
-            problem = f"{NAMES[opcode]} {record.id} is redefined; the first definition holds"
+            problem = f"{NAMES[opcode]} redefined; the first definition of an id holds"
             notes.warn(path, problem, at=place)

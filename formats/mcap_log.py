@@ -19,7 +19,7 @@ from formats.mcap_blocks import Block, Entries, Loaded, entries, walk_block
 from formats.mcap_merge import merged
 from formats.mcap_parse import MAX_CHUNK, MalformedError, parse
 from formats.mcap_records import ATTACHMENT, MAGIC, METADATA, Attachment, Metadata
-from formats.mcap_scan import note_chunk, scan
+from formats.mcap_scan import UNDEFINED, note_chunk, scan
 from formats.mcap_topics import topics_of
 
 CHANNELS = 1 << 16
@@ -127,9 +127,12 @@ class McapLog:
             lost = note_chunk(self.path, self._data, self._notes, part, block, chunk, found, walked)
             known = _mask(self._tables[block.part])[found["channel"]]
             if not known.all():
-                problem = "messages on channels that are not defined"
                 count, place = int((~known).sum()), f"byte {block.at}"
-                self._notes.lose(self.path, problem, at=place, count=count)
+                self._notes.lose(self.path, UNDEFINED, at=place, count=count)
+            times = found["time"]
+            if len(found) and (times.min() < block.first_ns or times.max() > block.last_ns):
+                problem = "chunk with other times than it says; order may suffer"
+                self._notes.warn(self.path, problem, at=f"byte {block.at}")
             if lost or not known.all():
                 state = f"damaged at byte {block.at}"
                 self.container = replace(self.container, whole=False, state=state)

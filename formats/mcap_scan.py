@@ -25,6 +25,7 @@ from formats.mcap_summary import Summary, read_summary
 from formats.mcap_top import Top
 
 PIECE = 16 << 20
+UNDEFINED = "messages on channels that are not defined"
 
 
 def scan(
@@ -205,8 +206,8 @@ def _indexed(data: memoryview, at: int) -> Counter[int]:
 def _check_channels(path: Path, notes: Notes, contents: Contents) -> None:
     for part in contents.parts:
         for channel in sorted(part.counts.keys() - part.channels.keys()):
-            problem = f"messages on channel {channel}, which is not defined"
-            notes.lose(path, problem, count=part.counts.pop(channel))
+            place = f"channel {channel}"
+            notes.lose(path, UNDEFINED, at=place, count=part.counts.pop(channel))
 
 
 def _compare(path: Path, notes: Notes, contents: Contents, summary: Summary, lost: int) -> None:
@@ -253,7 +254,11 @@ def _say_cut(path: Path, notes: Notes, contents: Contents) -> None:
 
 def _container(data: memoryview, contents: Contents, summary: Summary, indexed: bool) -> Container:
     kinds = {block.compression or "none" for block in contents.blocks}
-    filled = [block for block in contents.blocks if block.channels != frozenset()]
+    filled = [block for block in contents.blocks if block.channels]
+    start = min((block.first_ns for block in filled), default=0)
+    end = max((block.last_ns for block in filled), default=0)
+    if indexed and summary.statistics is not None:
+        start, end = summary.statistics[6:8]
     profile = contents.parts[0].profile
     if contents.cut:
         state = f"cut at byte {contents.cut[2]}"
@@ -268,8 +273,8 @@ def _container(data: memoryview, contents: Contents, summary: Summary, indexed: 
         kind=f"MCAP {profile}".strip(),
         compression=", ".join(sorted(kinds)) or "none",
         size=len(data),
-        start_ns=min((block.first_ns for block in filled), default=0),
-        end_ns=max((block.last_ns for block in filled), default=0),
+        start_ns=start,
+        end_ns=end,
         whole=not contents.cut and contents.damaged is None,
         state=state,
     )

@@ -172,7 +172,7 @@ class Top:
         found = re.compile(re.escape(r.MAGIC)).search(self.data, at)
         begin = found.start() if found else self.end
         if begin > at:
-            self.notes.warn(self.path, f"{begin - at} bytes behind its end", at=f"byte {at}")
+            self.notes.warn(self.path, "bytes behind its end", at=f"byte {at}")
         if begin == self.end:
             return begin
         self.notes.warn(self.path, "another file is glued to its end", at=f"byte {begin}")
@@ -215,7 +215,7 @@ class Top:
         if resume == self.end:
             self.contents.cut = (*self._ending(at), at)
             return walked, resume
-        problem = f"{resume - at} bytes that are no records"
+        problem = "bytes that are no records"
         if resume < at:
             at, problem = before, WRONG_LENGTH
             walked = walk_block(self.data, begin, at, TOP)
@@ -234,7 +234,7 @@ class Top:
             return "lost", f"cut in {CUT[opcode]}"
         if opcode in LAYOUT or self.end - at < HEAD.size:
             return "warning", "cut between messages"
-        return "lost", f"{self.end - at} bytes at its end that are no records"
+        return "lost", "ends in bytes that are no records"
 
     def _resync(self, at: int, opcodes: tuple[int, ...] = ()) -> int:
         """The next byte where sound records begin (of these opcodes, if given), or the end."""

@@ -275,7 +275,7 @@ def test_13_messages_on_unknown_channels_are_counted(inside: bool, tmp_path: Pat
     odd = message(9, 15) + message(9, 16)
     _, notes, times = opened(tmp_path, amid(chunk([odd]) if inside else odd))
     assert times == AROUND
-    assert said(notes) == [("lost: messages on channel 9, which is not defined", 2)]
+    assert said(notes) == [("lost: messages on channels that are not defined", 2)]
 
 
 def test_13_unknown_channels_under_a_sound_index_are_counted(tmp_path: Path) -> None:
@@ -285,7 +285,7 @@ def test_13_unknown_channels_under_a_sound_index_are_counted(tmp_path: Path) -> 
     del file.counts[7]
     _, notes, times = opened(tmp_path, file.finish())
     assert times == list(range(100))
-    assert said(notes) == [("lost: messages on channel 7, which is not defined", 1)]
+    assert said(notes) == [("lost: messages on channels that are not defined", 1)]
 
 
 def test_13_a_channel_with_an_unknown_schema_is_read(tmp_path: Path) -> None:
@@ -308,8 +308,8 @@ def test_14_the_first_definition_of_an_id_holds(tmp_path: Path) -> None:
     assert times == sorted([*AROUND, 15])
     assert [(t.name, t.type) for t in log.topics()] == [("/scan1", "sensor_msgs/msg/LaserScan")]
     assert said(notes) == [
-        ("warning: schema 1 is redefined; the first definition holds", 1),
-        ("warning: channel 1 is redefined; the first definition holds", 1),
+        ("warning: schema redefined; the first definition of an id holds", 1),
+        ("warning: channel redefined; the first definition of an id holds", 1),
     ]
 
 
@@ -346,7 +346,7 @@ def test_17_junk_behind_the_end(tmp_path: Path) -> None:
     for junk in (b"\0", b"junk" * 1000, bytes(5000)):
         log, notes, times = opened(tmp_path, data + junk)
         assert times == list(range(100))
-        assert said(notes) == [(f"warning: {len(junk)} bytes behind its end", 1)]
+        assert said(notes) == [("warning: bytes behind its end", 1)]
         assert log.container.whole
 
 
