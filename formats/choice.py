@@ -9,20 +9,11 @@ from formats.errors import FormatError, UsageError, printable
 from formats.frame import Pose
 from formats.gathering import POSE_TYPES, TF_TYPES, Gathered, ScanTimes, decoder_of
 from formats.log import Log, Topic
-from formats.poses import (
-    KINDS,
-    Placed,
-    Source,
-    base_of,
-    bodies,
-    fixed_frames,
-    kind_of,
-    mounts,
-    odom_frames,
-)
+from formats.poses import KINDS, Source, base_of, fixed_frames, kind_of, odom_frames
 from formats.sensing import SENSORS, planar
 from formats.tf import plain
-from formats.track import MAX_GAP_NS, Floats
+from formats.track import MAX_GAP_NS
+from formats.way import Way
 
 FEW = 0.1  # a topic with less than this share of another's messages is not its peer
 ENOUGH = 0.5  # a source that reaches this share of the scans is taken before looking further
@@ -185,34 +176,20 @@ def sources(gathered: Gathered, scans: ScanTimes, wishes: Wishes) -> list[Source
     return sorted(found, key=lambda source: KINDS.index(source.kind))
 
 
-@dataclass(frozen=True, eq=False)
-class Way:
-    """One source of poses and where it puts the scans."""
-
-    source: Source
-    placed: Placed
-    mount: Floats
-
-
 def ways(gathered: Gathered, scans: ScanTimes, clock: Clock, wishes: Wishes) -> list[Way]:
     """Every source of poses for these scans, up to the first that reaches enough of them."""
     times = clock.times(scans.stamps_ns, scans.logs_ns)
     gathered.tree.settle(clock, gathered.zero_ns(scans, clock), wishes.max_gap_ns)
     found: list[Way] = []
     for source in sources(gathered, scans, wishes):
-        if found and found[-1].placed.share >= ENOUGH and found[-1].source.kind != source.kind:
+        if found and found[-1].share >= ENOUGH and found[-1].source.kind != source.kind:
             break
         if source.topic is None and (
             gathered.tree.path_between(source.map_frame, source.base_frame) is None
         ):
             continue
-        body = bodies(source, gathered, times - wishes.pose_delay_ns)
-        mount = mounts(source, gathered.tree, scans, times, wishes.sensor_pose)
-        late = [gap._replace(bound_ns=gap.bound_ns + wishes.pose_delay_ns) for gap in body.missing]
-        placed = Placed(
-            body.matrices @ mount.matrices, body.valid & mount.valid, late + mount.missing
-        )
-        found.append(Way(source, placed, mount.matrices))
+        delay = wishes.pose_delay_ns
+        found.append(Way(source, gathered, scans, times, wishes.sensor_pose, delay))
     return found
 
 
@@ -222,16 +199,14 @@ def best_way(gathered: Gathered, found: list[Way]) -> Way | None:
     Raises:
         UsageError: several pose topics of one kind fit equally.
     """
-    way = next((w for w in found if w.placed.share >= ENOUGH), None)
-    way = way or max(found, key=lambda w: w.placed.share, default=None)
+    way = next((w for w in found if w.share >= ENOUGH), None)
+    way = way or max(found, key=lambda w: w.share, default=None)
     if way is None or way.source.topic is None:
         return way
     peers = [
         w.source.topic
         for w in found
-        if w.source.topic is not None
-        and w.source.kind == way.source.kind
-        and w.placed.share >= ENOUGH
+        if w.source.topic is not None and w.source.kind == way.source.kind and w.share >= ENOUGH
     ]
     if len(peers) > 1:
         problem = f"{len(peers)} topics may be the robot's poses: {listing(peers)}"
@@ -287,10 +262,9 @@ def no_poses(gathered: Gathered, scan: Topic, wishes: Wishes) -> FormatError:
     )
 
 
-def described(way: Way, scans: ScanTimes) -> Choice:
+def described(way: Way) -> Choice:
     """The choice of one way, with its reasons still empty."""
-    rows = way.placed.valid.nonzero()[0]
-    first = int(rows[0]) if rows.size else 0
-    mount = planar(way.mount[first]) if len(way.mount) else Pose(0.0, 0.0, 0.0)
-    name = scans.names[int(scans.frame[first])] if len(scans) else ""
-    return Choice(scans.topic, way.source, name, mount)
+    rows = way.valid.nonzero()[0][:1]
+    mount = planar(way.mount(rows).matrices[0]) if rows.size else Pose(0.0, 0.0, 0.0)
+    name = way.scans.names[int(way.scans.frame[rows[0]])] if rows.size else ""
+    return Choice(way.scans.topic, way.source, name, mount)

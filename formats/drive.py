@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from formats.choice import Choice
 from formats.clock import Times
@@ -17,6 +16,7 @@ from formats.log import Log
 from formats.ros import Undecodable
 from formats.sensing import SENSORS, Motion
 from formats.track import Floats
+from formats.way import BLOCK, Rows, Swept, Way
 
 
 @dataclass(eq=False)
@@ -33,6 +33,9 @@ class Drive:
         poses: (m, 3) x y yaw of the sensor in `choice.map_frame`.
         limit: m, the longest range of the sensor; may be inf.
         zero_ns: the start of the log, on the clock of `times_ns`.
+        way: where the sensor was.
+        rows: (m,) of the scans' topic, which message each frame is made of.
+        sweeps_ns: (m,) how long the sensor took, 0 where that is not known.
     """
 
     log: Log
@@ -44,9 +47,10 @@ class Drive:
     poses: Floats
     limit: float
     zero_ns: int
-    _rows: npt.NDArray[np.intp] = field(repr=False)
-    _matrices: Floats = field(repr=False)
-    _sweeps: Floats | None = field(repr=False)
+    way: Way = field(repr=False)
+    rows: Rows = field(repr=False)
+    sweeps_ns: Times = field(repr=False)
+    _blocks: dict[int, Swept] = field(default_factory=dict, repr=False)
 
     def __len__(self) -> int:
         """How many frames are to come; fewer where a scan turns out to be unreadable."""
@@ -63,15 +67,17 @@ class Drive:
         topic = self.choice.scan
         read, sensor = decoder_of(topic), SENSORS[topic.type]
         assert read is not None
-        rank = dict(zip(self._rows.tolist(), range(len(self._rows)), strict=True))
+        rank = np.full(self.total, -1, dtype=np.int64)
+        rank[self.rows] = np.arange(len(self))
         waiting: dict[int, Frame | None] = {}
         turn = 0
         for row, (_, _, data) in enumerate(self.log.messages([topic])):
-            k = rank.get(row)
-            if k is None:
+            k = int(rank[row]) if row < self.total else -1
+            if k < 0:
                 continue
+            matrix, motion = self._placed(k)
             try:
-                scan = sensor.scan(read(data), self._matrices[k], self._motion(k))
+                scan = sensor.scan(read(data), matrix, motion)
             except Undecodable:  # counted in the first pass
                 waiting[k] = None
             else:
@@ -83,8 +89,17 @@ class Drive:
                 if frame is not None:
                     yield frame
 
-    def _motion(self, k: int) -> Motion | None:
-        if self._sweeps is None or np.isnan(self._sweeps[k, 0]):
-            return None
-        numbers = self._sweeps[k].tolist()
-        return Motion(Pose(*numbers[:3]), Pose(*numbers[3:]))
+    def _placed(self, k: int) -> tuple[Floats, Motion | None]:
+        """Pose (4, 4) of the sensor and its motion during the sweep; worked out by blocks."""
+        number, place = divmod(k, BLOCK)
+        swept = self._blocks.get(number)
+        if swept is None:
+            part = slice(number * BLOCK, (number + 1) * BLOCK)
+            swept = self.way.swept(self.rows[part], self.sweeps_ns[part])
+            # Scans that are out of order reach into a neighbouring block.
+            self._blocks = {n: b for n, b in self._blocks.items() if abs(n - number) < 2}
+            self._blocks[number] = swept
+        if not swept.sweeps_ns[place]:
+            return swept.matrices[place], None
+        numbers = swept.motions[place].tolist()
+        return swept.matrices[place], Motion(Pose(*numbers[:3]), Pose(*numbers[3:]))

@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from formats.choice import Choice, Way, described
+from formats.choice import Choice, described
 from formats.clock import Times
 from formats.errors import FormatError
 from formats.gathering import Gathered, ScanTimes
 from formats.poses import Kind
 from formats.sifting import APART_S, apart_s, seconds
 from formats.track import Samples, Why
+from formats.way import Way
 
 WHY: dict[Kind, str] = {
     "tf": "tf knows the map frame",
@@ -34,8 +35,8 @@ def tell_choice(
 ) -> Choice:
     """The choice with its reasons, noted as well; `asked`: the user named the poses."""
     notes, path, source = gathered.notes, gathered.log.path, way.source
-    used = int((keep & way.placed.valid).sum())
-    kind, choice = scans.topic.type.rsplit("/", 1)[-1], described(way, scans)
+    used = int((keep & way.valid).sum())
+    kind, choice = scans.topic.type.rsplit("/", 1)[-1], described(way)
     chain = f"{source} > {choice.sensor_frame or '(unnamed)'}"
     what = f"{source.topic.type.rsplit('/', 1)[-1]}, " if source.topic else ""
     why = f"poses from {chain} ({what}{used} of {len(scans)} scans)"
@@ -43,6 +44,10 @@ def tell_choice(
     reasons = [f"scans from {scans.topic.name} ({kind}: {reason})", why]
     for line in reasons:
         notes.info(path, line)
+    tree = gathered.tree
+    if source.topic is not None:
+        track = gathered.poses[source.topic].track(tree.clock, tree.max_gap_ns)
+        track.tell(notes, path, source.topic.name, "pose", tree.zero_ns)
     if not source.in_map:
         problem = (
             f"poses come from odometry alone ({source.map_frame}): they drift and are not in the "
@@ -68,9 +73,9 @@ def tell_missing(
         hint = (
             f"the clocks of scans and poses are {abs(apart):.2f} s apart: --pose-delay {apart:.2f}"
         )
-    lost = keep & ~way.placed.valid
-    none = not (keep & way.placed.valid).any()
-    for gap in sorted(way.placed.missing, key=lambda gap: -len(gap.rows)):
+    lost = keep & ~way.valid
+    none = not (keep & way.valid).any()
+    for gap in sorted(way.missing, key=lambda gap: -len(gap.rows)):
         rows = gap.rows[lost[gap.rows]]
         lost[rows] = False
         if not rows.size:

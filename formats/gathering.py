@@ -18,7 +18,7 @@ from formats.messages import PoseMessage, Transforms
 from formats.ros import DECODERS, Undecodable, decoder, odd_stamp
 from formats.sensing import SENSORS
 from formats.tf import Tree, plain
-from formats.track import Samples
+from formats.track import Samples, Track
 
 TF_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 POSE_TYPES = (
@@ -38,7 +38,7 @@ def decoder_of(topic: Topic) -> Callable[[bytes | memoryview], Any] | None:
 
 @dataclass
 class ScanTimes:
-    """The scans of one topic, in the order of the log: 26 bytes each.
+    """The scans of one topic, in the order of the log: 27 bytes each, views once all are read.
 
     Attributes:
         sensor: how the topic's type is read.
@@ -93,27 +93,27 @@ class ScanTimes:
     @property
     def stamps_ns(self) -> Times:
         """(n,) header stamps."""
-        return np.array(self._stamps, dtype=np.int64)
+        return np.frombuffer(self._stamps, dtype=np.int64)
 
     @property
     def logs_ns(self) -> Times:
         """(n,) log times."""
-        return np.array(self._logs, dtype=np.int64)
+        return np.frombuffer(self._logs, dtype=np.int64)
 
     @property
     def sweeps_s(self) -> np.ndarray[Any, np.dtype[np.float64]]:
         """(n,) s from the first beam to the last; -1 where that is no number."""
-        return np.array(self._sweeps)
+        return np.frombuffer(self._sweeps, dtype=np.float64)
 
     @property
     def frame(self) -> np.ndarray[Any, np.dtype[np.uint16]]:
         """(n,) index into `names`."""
-        return np.array(self._frames)
+        return np.frombuffer(self._frames, dtype=np.uint16)
 
     @property
     def fault(self) -> np.ndarray[Any, np.dtype[np.uint8]]:
         """(n,) index into `faults`."""
-        return np.array(self._faults)
+        return np.frombuffer(self._faults, dtype=np.uint8)
 
 
 @dataclass
@@ -124,6 +124,14 @@ class PoseTimes:
     samples: Samples = field(default_factory=Samples)
     frame: str = ""
     child: str = ""
+    _track: tuple[Clock, int, Track] | None = None
+
+    def track(self, clock: Clock, max_gap_ns: int) -> Track:
+        """The clean poses by a clock; the last answer is kept."""
+        if self._track is None or self._track[0] is not clock or self._track[1] != max_gap_ns:
+            made = Track.of(self.samples, clock, max_gap_ns=max_gap_ns)
+            self._track = clock, max_gap_ns, made
+        return self._track[2]
 
 
 @dataclass
@@ -135,7 +143,6 @@ class Gathered:
     tree: Tree
     scans: dict[Topic, ScanTimes]
     poses: dict[Topic, PoseTimes]
-    transforms: dict[Topic, int]
 
     def clock(self, scans: ScanTimes) -> Clock:
         """When messages count: by log times where stamps of scans or of poses are all 0."""
@@ -174,7 +181,6 @@ def gather(
         tree,
         {topic: ScanTimes(topic) for topic in scans},
         {topic: PoseTimes(topic) for topic in poses},
-        dict.fromkeys(trees, 0),
     )
     wanted = [*trees, *scans, *poses]
     readers = {id(topic): _reader(made, topic) for topic in wanted}  # hashing a topic is slow
@@ -207,11 +213,10 @@ def _reader(made: Gathered, topic: Topic) -> tuple[Callable[..., Any], Callable[
         return read, _scan_taker(made.scans[topic], made.notes, made.log)
     if topic in made.poses:
         return read, _pose_taker(made.poses[topic], made.notes, made.log)
-    static = topic.name.rstrip("/").endswith("tf_static")
+    tree, static = made.tree, topic.name.rstrip("/").endswith("tf_static")
 
     def take(noun: Transforms, time_ns: int) -> None:
-        made.tree.add(noun.transforms, time_ns, static=static)
-        made.transforms[topic] += len(noun.transforms)
+        tree.add(noun.transforms, time_ns, static=static)
 
     return read, take
 

@@ -1,4 +1,4 @@
-"""Where the scans of a topic were taken, by one source of poses: tf or a pose topic."""
+"""Sources of poses in a log: which frames the plan may lie in, what the robot's body is called."""
 
 from __future__ import annotations
 
@@ -7,15 +7,11 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
-from formats.clock import Times
-from formats.frame import Pose
 from formats.frame_names import BASES, MAPS, by_name, is_base, is_map, is_odom, last_part
-from formats.gathering import Gathered, PoseTimes, ScanTimes
+from formats.gathering import PoseTimes
 from formats.log import Topic
-from formats.tf import Missing, Tree, missing_of
-from formats.track import Floats, Track, Why, matrices
+from formats.tf import Tree
 
 Kind = Literal["tf", "pose topic", "amcl_pose", "tf odometry", "odometry topic"]
 DRIVEN = 0.1  # m; what moves by less does not drive
@@ -46,72 +42,6 @@ class Source:
     def __str__(self) -> str:
         chain = f"{self.map_frame or '(unnamed)'} > {self.base_frame or '(unnamed)'}"
         return f"{self.topic.name if self.topic else 'tf'} {chain}"
-
-
-@dataclass(frozen=True, eq=False)
-class Placed:
-    """Poses of a topic's sensor: matrices (n, 4, 4) in the map frame where `valid` (n,)."""
-
-    matrices: Floats
-    valid: npt.NDArray[np.bool_]
-    missing: list[Missing]
-
-    @property
-    def share(self) -> float:
-        """How many of the scans have a pose, 0 to 1."""
-        return float(self.valid.mean()) if self.valid.size else 0.0
-
-
-def matrix(pose: Pose) -> Floats:
-    """(4, 4) of a pose in the plane."""
-    m = np.eye(4)
-    m[:2, :2] = [[np.cos(pose.yaw), -np.sin(pose.yaw)], [np.sin(pose.yaw), np.cos(pose.yaw)]]
-    m[:2, 3] = pose.x, pose.y
-    return m
-
-
-def flat(m: Floats) -> Floats:
-    """(n, 3) x y yaw of (n, 4, 4): the heading is that of the x axis seen from above."""
-    return np.stack([m[:, 0, 3], m[:, 1, 3], np.arctan2(m[:, 1, 0], m[:, 0, 0])], axis=1)
-
-
-def bodies(source: Source, gathered: Gathered, times_ns: Times, *, tell: bool = False) -> Placed:
-    """The robot's body in the map frame, at any times."""
-    if source.topic is None:
-        found = gathered.tree.lookup(source.map_frame, source.base_frame, times_ns)
-        return Placed(*found)
-    tree = gathered.tree
-    samples = gathered.poses[source.topic].samples
-    track = Track.of(samples, tree.clock, max_gap_ns=tree.max_gap_ns)
-    if tell:
-        track.tell(gathered.notes, gathered.log.path, source.topic.name, "pose", tree.zero_ns)
-    numbers, why = track.at(times_ns)
-    known = np.ones(len(times_ns), dtype=bool)
-    missing = missing_of(f"pose on {source.topic.name}", track.times_ns, why, known)
-    return Placed(matrices(numbers), why == Why.OK, missing)
-
-
-def mounts(
-    source: Source, tree: Tree, scans: ScanTimes, times_ns: Times, sensor_pose: Pose | None
-) -> Placed:
-    """The sensor on the body at each scan, by the frame that the scan names."""
-    n = len(times_ns)
-    if sensor_pose is not None:
-        return Placed(np.broadcast_to(matrix(sensor_pose), (n, 4, 4)), np.ones(n, dtype=bool), [])
-    found, valid, missing = np.tile(np.eye(4), (n, 1, 1)), np.zeros(n, dtype=bool), []
-    frames = scans.frame
-    for index, name in enumerate(scans.names):
-        rows = np.flatnonzero(frames == index)
-        if name in ("", source.base_frame):  # an unnamed sensor is taken as sitting on the body
-            valid[rows] = True
-        elif not source.base_frame or tree.path_between(source.base_frame, name) is None:
-            what = f"transform {source.base_frame or 'base_link'} <- {name}"
-            missing.append(Missing(what, Why.AFTER, 0, rows))
-        else:
-            part = tree.lookup(source.base_frame, name, times_ns[rows], mounted=True)
-            found[rows], valid[rows] = part.matrices, part.valid
-            missing += [gap._replace(rows=rows[gap.rows]) for gap in part.missing]
-    return Placed(found, valid, missing)
 
 
 def base_of(tree: Tree, names: list[str], top: str = "", child: str = "") -> str:

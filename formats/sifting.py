@@ -127,9 +127,15 @@ def tell_gaps(times_ns: Times, notes: Notes, path: Path, name: str, zero: int) -
             notes.warn(path, f"no scans for {steps[row] / SECOND:.1f} s", topic=name, at=at)
 
 
-def tell_attitude(scans: ScanTimes, matrices: Floats, notes: Notes, path: Path) -> None:
-    """Note a sensor that is upside down or tilted; its readings are mirrored or projected."""
-    upright = matrices[:, 2, 2]
+def tell_attitude(scans: ScanTimes, upright: Floats, notes: Notes, path: Path) -> None:
+    """Note a sensor that is upside down or tilted; its readings are mirrored or projected.
+
+    Args:
+        scans: of the topic.
+        upright: (n,) cosine of the angle between the sensor's z axis and the vertical.
+        notes: where it goes.
+        path: of the log.
+    """
     name = scans.topic.name
     if np.any(upright <= -LEVEL):
         notes.info(path, "sensor is upside down: its scans are mirrored", topic=name)
@@ -144,8 +150,8 @@ def tell_attitude(scans: ScanTimes, matrices: Floats, notes: Notes, path: Path) 
 
 def plausible_sweeps(
     scans: ScanTimes, times_ns: Times, keep: Mask, notes: Notes, path: Path
-) -> Mask:
-    """Scans whose time_increment fits the time between scans: these can be de-skewed."""
+) -> Times:
+    """(n,) ns that each scan took; 0 where time_increment does not fit the time between scans."""
     sweeps = scans.sweeps_s
     steps = np.diff(np.sort(times_ns[keep])) / SECOND
     longest = min(1.1 * float(np.median(steps)), 1.0) if steps.size else 1.0
@@ -154,4 +160,5 @@ def plausible_sweeps(
     if bad.any():
         what = f"time_increment makes a sweep of {sweeps[bad][0]:.3g} s: not de-skewed"
         notes.warn(path, what, topic=scans.topic.name, count=int(bad.sum()))
-    return good
+    # Whole microseconds: time_increment is a float32.
+    return np.rint(np.where(good, sweeps, 0.0) * 1e6).astype(np.int64) * 1000

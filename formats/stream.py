@@ -15,10 +15,8 @@ from os import PathLike
 from typing import TypedDict, Unpack
 
 import numpy as np
-import numpy.typing as npt
 
 from formats.choice import (
-    Way,
     Wishes,
     best_way,
     no_poses,
@@ -27,7 +25,7 @@ from formats.choice import (
     scan_topics,
     ways,
 )
-from formats.clock import SECOND, Clock, Times
+from formats.clock import SECOND, Clock
 from formats.drive import Drive
 from formats.errors import Notes, UsageError
 from formats.explaining import tell_choice, tell_missing
@@ -36,12 +34,13 @@ from formats.gathering import Gathered, ScanTimes, gather
 from formats.gating import gate
 from formats.log import Log, Topic
 from formats.opening import READERS, open_log
-from formats.poses import bodies, flat
 from formats.sifting import plausible_sweeps, sift, tell_attitude, tell_clock
-from formats.track import MAX_GAP_NS, Floats, inverse
+from formats.track import MAX_GAP_NS
+from formats.way import Way, blocks, flat
 
 __all__ = ["READERS", "Drive", "Options", "frames", "open_log", "survey"]
 
+GATES = "every", "min_travel", "min_turn", "readings_per_pose"
 Source = Log | str | PathLike[str] | Sequence[str | PathLike[str]]
 
 
@@ -115,41 +114,38 @@ def survey(log: Log, notes: Notes, **options: Unpack[Options]) -> Drive:
     window = (times - zero >= start) & (times - zero <= end)
     keep = sift(scans, times, window, zero, notes, log.path)
     tell_missing(gathered, scans, way, keep, times, zero)
-    keep &= way.placed.valid
+    keep &= way.valid
     choice = tell_choice(gathered, scans, way, keep, reason, bool(wishes.pose))
     rows = np.flatnonzero(keep)
     rows = rows[np.argsort(times[rows], kind="stable")]
-    posed = len(rows)
-    found, middles, sweeps = way.placed.matrices[rows], times[rows], None
+    sweeps = np.zeros(len(rows), dtype=np.int64)
     if options.get("deskew", True):
-        good = plausible_sweeps(scans, times, keep, notes, log.path)[rows]
-        if good.any():
-            found, middles, sweeps = _swept(gathered, scans, way, rows, good, times, wishes)
-    tell_attitude(scans, found, notes, log.path)
-    poses = flat(found)
+        sweeps = plausible_sweeps(scans, times, keep, notes, log.path)[rows]
+    poses, upright = np.empty((len(rows), 3)), np.empty(len(rows))
+    for part in blocks(len(rows)):
+        swept = way.swept(rows[part], sweeps[part])
+        sweeps[part], poses[part] = swept.sweeps_ns, flat(swept.matrices)
+        upright[part] = swept.matrices[:, 2, 2]
+    tell_attitude(scans, upright, notes, log.path)
+    gates = {key: options[key] for key in GATES if key in options}  # type: ignore[literal-required]
     try:
-        taken = gate(
-            poses,
-            every=options.get("every", 1),
-            min_travel=options.get("min_travel", 0.0),
-            min_turn=options.get("min_turn", 0.0),
-            readings_per_pose=options.get("readings_per_pose"),
-        )
+        taken = gate(poses, **gates)
     except ValueError as error:
         raise UsageError(log.path, str(error)) from None
+    middles = times[rows] + sweeps // 2
     return Drive(
-        log,
-        notes,
-        choice,
-        len(scans),
-        posed,
-        middles[taken],
-        poses[taken],
-        scans.limit,
-        zero,
-        rows[taken],
-        found[taken],
-        None if sweeps is None else sweeps[taken],
+        log=log,
+        notes=notes,
+        choice=choice,
+        total=len(scans),
+        posed=len(rows),
+        times_ns=middles[taken],
+        poses=poses[taken],
+        limit=scans.limit,
+        zero_ns=zero,
+        way=way,
+        rows=rows[taken],
+        sweeps_ns=sweeps[taken],
     )
 
 
@@ -178,7 +174,7 @@ def _chosen(gathered: Gathered, wishes: Wishes) -> tuple[ScanTimes, Clock, Way |
     for topic, scans in gathered.scans.items():
         clocks[topic] = gathered.clock(scans)
         found[topic] = ways(gathered, scans, clocks[topic], wishes) if len(scans) else []
-    reach = {t: max((w.placed.share for w in some), default=0.0) for t, some in found.items()}
+    reach = {t: max((w.share for w in some), default=0.0) for t, some in found.items()}
     topic, reason = pick_scan(gathered, reach)
     if wishes.scan:
         reason = "as asked for"
@@ -186,33 +182,3 @@ def _chosen(gathered: Gathered, wishes: Wishes) -> tuple[ScanTimes, Clock, Way |
         clocks[topic], gathered.zero_ns(gathered.scans[topic], clocks[topic]), wishes.max_gap_ns
     )
     return gathered.scans[topic], clocks[topic], best_way(gathered, found[topic]), reason
-
-
-def _swept(
-    gathered: Gathered,
-    scans: ScanTimes,
-    way: Way,
-    rows: npt.NDArray[np.intp],
-    good: npt.NDArray[np.bool_],
-    times: Times,
-    wishes: Wishes,
-) -> tuple[Floats, Times, Floats]:
-    """Poses and times at the middle of each sweep, and the motion from first to last beam.
-
-    Where a sweep reaches beyond the poses the scan stays as it is: pose at its stamp, motion nan.
-    """
-    # Whole microseconds: time_increment is a float32.
-    sweep = np.rint(np.where(good, scans.sweeps_s[rows], 0.0) * 1e6).astype(np.int64) * 1000
-    middles = times[rows] + sweep // 2
-    found = way.placed.matrices[rows].copy()
-    sweeps = np.full((len(rows), 6), np.nan)
-    at: list[Floats] = []
-    for moments in (middles, times[rows] + sweep):
-        body = bodies(way.source, gathered, moments - wishes.pose_delay_ns)
-        at.append(body.matrices @ way.mount[rows])
-        good = good & body.valid
-    back = inverse(at[0])
-    sweeps[good, :3] = flat(back @ found)[good]
-    sweeps[good, 3:] = flat(back @ at[1])[good]
-    found[good] = at[0][good]
-    return found, np.where(good, middles, times[rows]), sweeps

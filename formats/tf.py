@@ -97,6 +97,8 @@ class Tree:
 
     def add(self, transforms: Iterable[Transform], log_ns: int, *, static: bool) -> None:
         """Keep the transforms of one message."""
+        if self._tracks:
+            self._tracks.clear()  # they are views on what grows now
         for stamp_ns, parent, child, numbers in transforms:
             raw = parent, child
             edge = self._names[raw] if raw in self._names else self._named(raw)

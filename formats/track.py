@@ -15,6 +15,7 @@ from formats.messages import Numbers
 
 Floats = npt.NDArray[np.float64]
 FARTHEST = 1e8  # m; UTM and ECEF coordinates lie below, garbage such as 1e9 above
+EXACT = 1e-12  # a norm that is this near to 1 is taken as 1
 UNIT = 1e-3  # a quaternion whose norm is off by more is worth a note
 # A step is a teleport where it is longer and faster than any robot indoors.
 JUMP_M, JUMP_SPEED = 1.0, 10.0
@@ -22,7 +23,8 @@ JUMP_RAD, JUMP_TURN = 1.0, 10.0
 MAX_GAP_NS = 2 * SECOND
 LONGEST_GAP_NS = 10 * SECOND  # also for poses that always come seldom
 MANY = 10  # steps that say what is usual
-STEADY = 1e-6
+STEADY = 1e-6  # m
+STEADY_DOT = 1.0 - 1e-11  # of quaternions 1e-5 rad apart
 MOST_TOLD = 20  # teleports
 
 
@@ -86,9 +88,7 @@ class Track:
     odd: dict[str, int]
 
     @classmethod
-    def of(
-        cls, samples: Samples, clock: Clock, *, max_gap_ns: int = MAX_GAP_NS, delay_ns: int = 0
-    ) -> Track:
+    def of(cls, samples: Samples, clock: Clock, *, max_gap_ns: int = MAX_GAP_NS) -> Track:
         """Clean and sort samples.
 
         Args:
@@ -96,7 +96,6 @@ class Track:
             clock: gives the times that count.
             max_gap_ns: no interpolation between samples farther apart than this; where they always
                 come seldom, than five times their usual distance, at most 10 s.
-            delay_ns: added to the times.
         """
         numbers, keep, odd = clean(samples.numbers)
         times = clock.times(samples.stamps_ns, samples.logs_ns)
@@ -118,16 +117,18 @@ class Track:
             times, numbers, passes = times[~again], numbers[~again], passes[~again]
         broken = breaks(times, numbers, max_gap_ns)
         broken[np.diff(passes) != 0] = Why.JUMP
-        return cls(times + delay_ns, numbers, broken, odd)
+        return cls(times, numbers, broken, odd)
 
     def __len__(self) -> int:
         return len(self.times_ns)
 
     def steady(self) -> bool:
         """Whether all samples agree: a mounting that is published again and again."""
-        return bool(len(self)) and bool(
-            np.all(np.abs(aligned(self.numbers) - self.numbers[0]) <= STEADY)
-        )
+        if not len(self):
+            return False
+        places, turns = self.numbers[:, :3], self.numbers[:, 3:]
+        still = np.all(places.max(axis=0) - places.min(axis=0) <= STEADY)
+        return bool(still) and bool(np.all(np.abs(turns @ turns[0]) >= STEADY_DOT))
 
     def tell(self, notes: Notes, path: Path, topic: str, name: str, zero_ns: int) -> None:
         """Note what was odd, and each teleport with its time from `zero_ns`."""
@@ -161,20 +162,27 @@ class Track:
 
 
 def clean(numbers: Floats) -> tuple[Floats, npt.NDArray[np.bool_], dict[str, int]]:
-    """Unit quaternions, which rows are poses at all, and what was odd with how many."""
+    """Unit quaternions, which rows are poses at all, and what was odd with how many.
+
+    Returns the numbers themselves, not a copy, where all are in order: they may be very many.
+    """
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-        norms = np.sqrt(np.square(numbers[:, 3:]).sum(axis=1))
+        norms = np.sqrt(np.einsum("ij,ij->i", numbers[:, 3:], numbers[:, 3:]))
         turned = np.isfinite(norms) & (norms > 1e-6)
-        placed = (np.abs(numbers[:, :3]) < FARTHEST).all(axis=1)  # False for nan, too
-        scaled = turned & placed & (np.abs(norms - 1.0) > UNIT)
-        unit = np.concatenate([numbers[:, :3], numbers[:, 3:] / norms[:, None]], axis=1)
+        placed = np.ones(len(numbers), dtype=bool)
+        for axis in range(3):
+            placed &= np.abs(numbers[:, axis]) < FARTHEST  # False for nan, too
+        off = np.abs(norms - 1.0)
+        scaled = turned & placed & (off > UNIT)
+        if np.any(~(off <= EXACT)):
+            numbers = np.concatenate([numbers[:, :3], numbers[:, 3:] / norms[:, None]], axis=1)
     counts = {
         "quaternion of zeros or not finite (dropped)": ~turned,
         "place not finite or beyond 1e8 m (dropped)": turned & ~placed,
         "quaternion not of norm 1 (normalised)": scaled,
     }
     odd = {text: int(rows.sum()) for text, rows in counts.items() if rows.any()}
-    return unit, turned & placed, odd
+    return numbers, turned & placed, odd
 
 
 def breaks(times_ns: Times, numbers: Floats, max_gap_ns: int) -> npt.NDArray[np.uint8]:
@@ -186,18 +194,12 @@ def breaks(times_ns: Times, numbers: Floats, max_gap_ns: int) -> npt.NDArray[np.
     seldom = min(5 * int(np.median(dt)), LONGEST_GAP_NS) if dt.size >= MANY else 0
     broken[dt > max(max_gap_ns, seldom)] = Why.GAP
     seconds = dt / SECOND
-    step = np.linalg.norm(np.diff(numbers[:, :3], axis=0), axis=1)
+    step = np.sqrt(sum(np.square(np.diff(numbers[:, axis])) for axis in range(3)))
     dots = np.abs(np.einsum("ij,ij->i", numbers[:-1, 3:], numbers[1:, 3:]))
     turn = 2.0 * np.arccos(np.minimum(dots, 1.0))
     broken[(step > JUMP_M) & (step > JUMP_SPEED * seconds)] = Why.JUMP
     broken[(turn > JUMP_RAD) & (turn > JUMP_TURN * seconds)] = Why.JUMP
     return broken
-
-
-def aligned(numbers: Floats) -> Floats:
-    """The same poses, each quaternion with the sign that is nearer to the first one's."""
-    signs = np.where(numbers[:, 3:] @ numbers[0, 3:] < 0, -1.0, 1.0)
-    return np.concatenate([numbers[:, :3], numbers[:, 3:] * signs[:, None]], axis=1)
 
 
 def between(first: Floats, second: Floats, share: Floats) -> Floats:

@@ -1,0 +1,144 @@
+"""Where the sensor was at each scan of a topic, by one source of poses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from formats.clock import Times
+from formats.frame import Pose
+from formats.gathering import Gathered, ScanTimes
+from formats.poses import Source
+from formats.tf import Lookup, Missing, missing_of
+from formats.track import Floats, Why, inverse, matrices
+
+BLOCK = 4096  # scans placed at a time, so that memory does not grow with their number
+Rows = npt.NDArray[np.intp]
+
+
+def blocks(count: int, size: int = BLOCK) -> Iterator[slice]:
+    """Slices that cover `count` rows."""
+    return (slice(start, min(start + size, count)) for start in range(0, count, size))
+
+
+def matrix(pose: Pose) -> Floats:
+    """(4, 4) of a pose in the plane."""
+    m = np.eye(4)
+    m[:2, :2] = [[np.cos(pose.yaw), -np.sin(pose.yaw)], [np.sin(pose.yaw), np.cos(pose.yaw)]]
+    m[:2, 3] = pose.x, pose.y
+    return m
+
+
+def flat(m: Floats) -> Floats:
+    """(n, 3) x y yaw of (n, 4, 4): the heading is that of the x axis seen from above."""
+    return np.stack([m[:, 0, 3], m[:, 1, 3], np.arctan2(m[:, 1, 0], m[:, 0, 0])], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Swept:
+    """Scans on the move.
+
+    Attributes:
+        matrices: (k, 4, 4) of the sensor in the map frame, at the middle of each sweep.
+        sweeps_ns: (k,) how long each took; 0 where the poses do not cover it: then the matrix is
+            of the stamp.
+        motions: (k, 6) x y yaw of the first and of the last beam in the pose of the middle.
+    """
+
+    matrices: Floats
+    sweeps_ns: Times
+    motions: Floats
+
+
+@dataclass(eq=False)
+class Way:
+    """One source of poses for the scans of one topic.
+
+    Attributes:
+        source: of poses.
+        scans: of the topic.
+        times_ns: (n,) when the scans count.
+        sensor_pose: the sensor on the body, instead of what tf says.
+        delay_ns: added to the stamps of the poses.
+        valid: (n,) scans that have a pose.
+        missing: what is missing for the others.
+    """
+
+    source: Source
+    gathered: Gathered
+    scans: ScanTimes
+    times_ns: Times
+    sensor_pose: Pose | None
+    delay_ns: int
+
+    def __post_init__(self) -> None:
+        self.valid = np.zeros(len(self.times_ns), dtype=bool)
+        found: dict[tuple[str, Why, int], list[Rows]] = {}
+        for part in blocks(len(self.times_ns)):
+            placed = self.sensor(np.arange(part.start, part.stop), self.times_ns[part])
+            self.valid[part] = placed.valid
+            for gap in placed.missing:
+                found.setdefault(gap[:3], []).append(gap.rows + part.start)
+        self.missing = [Missing(*key, np.concatenate(rows)) for key, rows in found.items()]
+
+    @property
+    def share(self) -> float:
+        """How many of the scans have a pose, 0 to 1."""
+        return float(self.valid.mean()) if self.valid.size else 0.0
+
+    def sensor(self, rows: Rows, moments_ns: Times) -> Lookup:
+        """The sensor in the map frame for some scans, at moments near their stamps."""
+        body, mount = self.body(moments_ns), self.mount(rows)
+        late = [gap._replace(bound_ns=gap.bound_ns + self.delay_ns) for gap in body.missing]
+        placed = body.matrices @ mount.matrices
+        return Lookup(placed, body.valid & mount.valid, late + mount.missing)
+
+    def body(self, moments_ns: Times) -> Lookup:
+        """The robot's body in the map frame."""
+        moments, tree = moments_ns - self.delay_ns, self.gathered.tree
+        if self.source.topic is None:
+            return tree.lookup(self.source.map_frame, self.source.base_frame, moments)
+        track = self.gathered.poses[self.source.topic].track(tree.clock, tree.max_gap_ns)
+        numbers, why = track.at(moments)
+        what = f"pose on {self.source.topic.name}"
+        missing = missing_of(what, track.times_ns, why, np.ones(len(moments), dtype=bool))
+        return Lookup(matrices(numbers), why == Why.OK, missing)
+
+    def mount(self, rows: Rows) -> Lookup:
+        """The sensor on the body at each scan, by the frame that the scan names."""
+        n, base, tree = len(rows), self.source.base_frame, self.gathered.tree
+        if self.sensor_pose is not None:
+            fixed = np.broadcast_to(matrix(self.sensor_pose), (n, 4, 4))
+            return Lookup(fixed, np.ones(n, dtype=bool), [])
+        found, valid = np.tile(np.eye(4), (n, 1, 1)), np.zeros(n, dtype=bool)
+        missing: list[Missing] = []
+        frames = self.scans.frame[rows]
+        for index in np.unique(frames):
+            name, some = self.scans.names[index], np.flatnonzero(frames == index)
+            if name in ("", base):  # an unnamed sensor is taken as sitting on the body
+                valid[some] = True
+            elif not base or tree.path_between(base, name) is None:
+                what = f"transform {base or 'base_link'} <- {name}"
+                missing.append(Missing(what, Why.AFTER, 0, some))
+            else:
+                part = tree.lookup(base, name, self.times_ns[rows[some]], mounted=True)
+                found[some], valid[some] = part.matrices, part.valid
+                missing += [gap._replace(rows=some[gap.rows]) for gap in part.missing]
+        return Lookup(found, valid, missing)
+
+    def swept(self, rows: Rows, sweeps_ns: Times) -> Swept:
+        """Scans that take time, at the middle of their sweeps; those of 0 ns at their stamps."""
+        start = self.times_ns[rows]
+        found, motions = self.sensor(rows, start).matrices, np.zeros((len(rows), 6))
+        if not sweeps_ns.any():
+            return Swept(found, sweeps_ns, motions)
+        middle, last = (self.sensor(rows, start + ns) for ns in (sweeps_ns // 2, sweeps_ns))
+        good = (sweeps_ns > 0) & middle.valid & last.valid
+        back = inverse(middle.matrices[good])
+        motions[good, :3] = flat(back @ found[good])
+        motions[good, 3:] = flat(back @ last.matrices[good])
+        found[good] = middle.matrices[good]
+        return Swept(found, np.where(good, sweeps_ns, 0), motions)
