@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter, deque
 
 from formats.compression import crc32
-from formats.errors import Notes, Path
+from formats.errors import Kind, Notes, Path
 from formats.log import Container
 from formats.mcap_blocks import (
     Block,
@@ -41,15 +41,17 @@ def scan(
     """
     summary = read_summary(data)
     before = notes.total("lost")
-    quiet = Notes()
-    contents = Top(path, data, quiet).walk()
-    indexed = not list(quiet) and _agrees(data, contents, summary)
-    for note in quiet:
-        notes.add(note.kind, path, note.problem, at=note.at, count=note.count)
+    outer = Notes()
+    contents = Top(path, data, outer).walk()
+    indexed = not list(outer) and _agrees(data, contents, summary)
     if indexed:
         _use(contents, summary)
     else:
         _survey(path, data, notes, max_chunk, contents)
+        complete = _complete(contents, summary)
+        for note in outer:
+            kind: Kind = "warning" if complete and note.kind == "lost" else note.kind
+            notes.add(kind, path, note.problem, at=note.at, count=note.count)
         _compare(path, notes, contents, summary, notes.total("lost") - before)
     if notes.total("lost") == before:
         _check_data(path, data, notes, contents)
@@ -208,6 +210,19 @@ def _check_channels(path: Path, notes: Notes, contents: Contents) -> None:
         for channel in sorted(part.counts.keys() - part.channels.keys()):
             place = f"channel {channel}"
             notes.lose(path, UNDEFINED, at=place, count=part.counts.pop(channel))
+
+
+def _complete(contents: Contents, summary: Summary) -> bool:
+    """Whether sound statistics show that damage between records took no data with it."""
+    stats = summary.statistics
+    if summary.state != "ok" or stats is None or len(contents.parts) > 1:
+        return False
+    counts = contents.parts[0].counts
+    return (stats.channel_message_counts, stats.attachment_count, stats.metadata_count) == (
+        {channel: count for channel, count in counts.items() if count},
+        len(contents.attachments),
+        len(contents.metadata),
+    )
 
 
 def _compare(path: Path, notes: Notes, contents: Contents, summary: Summary, lost: int) -> None:

@@ -219,8 +219,8 @@ class Top:
         if resume < at:
             at, problem = before, WRONG_LENGTH
             walked = walk_block(self.data, begin, at, TOP)
-        harmless = self.part.data_end[0] or self.data[at] in HARMLESS
-        self.notes.add("warning" if harmless else "lost", self.path, problem, at=f"byte {at}")
+        kind: Kind = "warning" if self.part.data_end[0] else "lost"
+        self.notes.add(kind, self.path, problem, at=f"byte {at}")
         if self.contents.damaged is None:
             self.contents.damaged = at
         return walked, resume
