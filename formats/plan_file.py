@@ -152,15 +152,8 @@ def open_plan(
     if values:
         resolution = values.resolution if resolution is None else resolution
         origin = values.origin if origin is None else origin
-    return Plan(
-        picture,
-        grey,
-        occupancy,
-        resolution,
-        origin or Pose(0.0, 0.0, 0.0),
-        origin is not None,
-        inputs,
-    )
+    place = origin or Pose(0.0, 0.0, 0.0)
+    return Plan(picture, grey, occupancy, resolution, place, origin is not None, inputs)
 
 
 def _check_file(path: Path) -> None:
