@@ -23,6 +23,8 @@ from formats.messages import (
     Transforms,
 )
 from formats.ros_clouds import point_cloud, point_cloud2
+from formats.ros_pictures import camera_info, compressed_image, image
+from formats.ros_recorded import translator
 from formats.ros_wire import SECOND, Body, Payload, Undecodable, Wire, odd_stamp
 
 __all__ = ["DECODERS", "Undecodable", "decode", "decoder", "odd_stamp"]
@@ -153,47 +155,6 @@ def pose(wire: Wire, data: Payload) -> PoseMessage:
     return PoseMessage(stamp, frame, "", (x, y, z, qx, qy, qz, qw))
 
 
-def image(wire: Wire, data: Payload) -> Image:
-    """sensor_msgs/Image."""
-    body = Body(wire, data)
-    stamp, frame = body.header()
-    height, width = body.read("2I")
-    encoding = body.text()
-    (big,) = body.read("B")
-    (step,) = body.read("I")
-    pixels = body.array("u1", "bytes of pixels")
-    body.end()
-    if height * step > len(pixels):
-        raise Undecodable("too few pixels", f"{len(pixels)} bytes for {height} rows of {step}")
-    return Image(stamp, frame, height, width, encoding, bool(big), step, pixels[: height * step])
-
-
-def compressed_image(wire: Wire, data: Payload) -> CompressedImage:
-    """sensor_msgs/CompressedImage."""
-    body = Body(wire, data)
-    stamp, frame = body.header()
-    form = body.text()
-    content = body.array("u1", "bytes of picture")
-    body.end()
-    return CompressedImage(stamp, frame, form, content)
-
-
-def camera_info(wire: Wire, data: Payload) -> CameraInfo:
-    """sensor_msgs/CameraInfo; R and P are passed over."""
-    body = Body(wire, data)
-    stamp, frame = body.header()
-    height, width = body.read("2I")
-    model = body.text()
-    d = body.array("f8", "distortion numbers")
-    k = body.array("f8", "camera matrix numbers", 9).reshape(3, 3)
-    body.read("21d")
-    across, down, x, y, rows, cols = body.read("6I")
-    body.read("B")
-    body.end()
-    part = (x, y, cols, rows)
-    return CameraInfo(stamp, frame, height, width, model, d, k, (across, down), part)
-
-
 def occupancy_grid(wire: Wire, data: Payload) -> OccupancyGrid:
     """nav_msgs/OccupancyGrid."""
     body = Body(wire, data)
@@ -244,7 +205,15 @@ def decoder(topic: Topic) -> Callable[[Payload], Noun]:
 
     Where the recorded definition is not the standard one, it rules.
     """
-    read = DECODERS[topic.type]
+    standard = read = DECODERS[topic.type]
+    try:
+        translate = translator(topic)
+    except Undecodable as error:
+        return refuse(error)
+    if translate is not None:
+
+        def read(wire: Wire, data: Payload) -> Noun:
+            return standard(ROS1, translate(wire, data))
 
     def read_ros1(data: Payload) -> Noun:
         try:
