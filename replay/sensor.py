@@ -1,0 +1,285 @@
+"""Sensor models: what a reading shows of which cell, in levels.
+
+A beam is the sector of its width. `beam`: a cell is missed iff its centre lies in a sector, nearer
+than the range less a margin, and hit iff it contains an end point; hit beats miss. `eq10` and
+`eq15`: the same sectors seen by n x n sub-samples of a cell, with a hit band one cell deep, and
+the level is the empty share of the samples that were observed (PAPER A10, A33).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import isfinite, pi
+from typing import Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from formats.frame import Pose, Scan
+from formats.grid import Counted, Geometry
+from replay.sensor_fill import read
+from replay.sensor_kernels import Floats, Ints
+
+NoReturn = Literal["near", "clear", "ignore"]
+Shape = Literal["sectors", "polygon"]
+
+TOUCHING = 1e-3  # m, nearer than any reading
+HORIZON = 1e4  # m, farther than any range sensor sees: 1e38 stands for nothing
+AT_MOST = 1.0 - 1e-6  # of range_max: what is clipped to it has seen nothing
+JOIN = 1e-6  # rad, borders nearer than this are one
+CLEAR = {"near": 5.0, "clear": HORIZON, "ignore": 0.0}  # m that a no-return clears at most
+WIDEST = 0.05  # rad, a wider beam is filled as several, so that its front is an arc
+
+
+class Touched(NamedTuple):
+    """Cells that a reading showed: a view on a buffer that the next reading reuses.
+
+    Attributes:
+        runs: (k, 3) int32: first flat index, one after the last, level. A hit cell may also lie
+            in a run of misses, and come more than once.
+    """
+
+    runs: Ints
+
+    def shown(self) -> tuple[npt.NDArray[np.int64], Ints]:
+        """Flat indices of the cells in ascending order, each once, and their levels, (n,)."""
+        starts, sizes = self.runs[:, 0].astype(np.int64), self.runs[:, 1] - self.runs[:, 0]
+        before = np.cumsum(sizes) - sizes
+        cells = np.repeat(starts - before, sizes) + np.arange(sizes.sum())
+        levels = np.repeat(self.runs[:, 2], sizes)
+        order = np.lexsort((levels, cells))  # the hit comes first
+        cells, levels = cells[order], levels[order]
+        first = np.diff(cells, prepend=-1) > 0
+        return cells[first], levels[first]
+
+    @property
+    def cells(self) -> npt.NDArray[np.int64]:
+        """Flat indices, (n,)."""
+        return self.shown()[0]
+
+    @property
+    def levels(self) -> Ints:
+        """The level of each of `cells`, (n,)."""
+        return self.shown()[1]
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """A sensor model.
+
+    Attributes:
+        about: what a reading shows, in one line.
+        p_hit, p_miss: defaults, P(occupied) of a hit and of a miss.
+        samples: along a cell's side.
+        banded: a hit is a band one cell deep behind the range, else the cell of the end point.
+        margin: cells before the hit that are not shown empty.
+        empty: P(empty) of an empty share, given p_hit and p_miss.
+    """
+
+    about: str
+    p_hit: float
+    p_miss: float
+    samples: int
+    banded: bool
+    margin: float
+    empty: Callable[[float, float, float], float]
+
+    @property
+    def levels(self) -> int:
+        """How many levels a reading has: level k shows a share k / (levels - 1) empty."""
+        return self.samples**2 + 1
+
+    def p_levels(self, p_hit: float | None = None, p_miss: float | None = None) -> list[float]:
+        """P(empty) of each level, rounded to 12 digits so that 0.9 * 5 / 9 is a tie.
+
+        Args:
+            p_hit, p_miss: P(occupied) of a full hit and a full miss; None for the default.
+        """
+        hit = self.p_hit if p_hit is None else p_hit
+        miss = self.p_miss if p_miss is None else p_miss
+        shares = [k / (self.levels - 1) for k in range(self.levels)]
+        return [round(self.empty(share, hit, miss), 12) for share in shares]
+
+
+def linear(share: float, p_hit: float, p_miss: float) -> float:
+    """Equation 15, its third case a mean of the two others (PAPER A9)."""
+    return (1.0 - p_hit) + (p_hit - p_miss) * share
+
+
+def proportional(share: float, p_hit: float, p_miss: float) -> float:
+    """Equation 10, 0.9 * share, clamped to what the sensor can say at most (PAPER A7)."""
+    return min(max((1.0 - p_miss) * share, 1.0 - p_hit), 1.0 - p_miss)
+
+
+MODELS: dict[str, Model] = {
+    "beam": Model("lidar: end points hit, sectors miss", 0.7, 0.4, 1, False, 0.5, linear),
+    "eq10": Model(
+        "the paper's Equation 10: 0.9 x empty share", 0.9, 0.1, 5, True, 0.0, proportional
+    ),
+    "eq15": Model(
+        "the paper's Equation 15: 0.1 + 0.8 x empty share", 0.9, 0.1, 5, True, 0.0, linear
+    ),
+}
+
+
+class Fan(NamedTuple):
+    """The borders of a scan's sectors, in the order of bearing; see `sensor_kernels.chain`."""
+
+    corners: Floats
+    links: Ints
+    centres: Floats
+    order: Ints
+
+
+def fan(bearings: Floats, widths: Floats, shape: Shape = "sectors") -> Fan:
+    """Sectors of the beams' widths, or the triangles between neighbouring beams.
+
+    Args:
+        bearings: (n,) rad, in any order; widths: (n,) rad. A beam where either is not finite, or
+            whose width is not positive, is left out.
+        shape: "sectors", or "polygon": one vertex a beam, which closes the gaps between rays.
+    """
+    good = np.isfinite(bearings) & np.isfinite(widths) & (widths > 0.0)
+    beams = np.flatnonzero(good).astype(np.int32)
+    beams = beams[np.argsort(bearings[beams], kind="stable")]
+    b, w = bearings[beams], np.minimum(widths[beams], 2.0 * pi)
+    centres = np.stack((np.cos(b), np.sin(b)))
+    if shape == "polygon":
+        right, left = b, np.append(b[1:], b[:1] + 2.0 * pi)
+        near, far = beams, np.roll(beams, -1)
+        gap = left - right  # below 0 where the scan turns by more than a full circle
+        keep = (gap >= 0.0) & (gap <= np.minimum(0.5 * (w + np.roll(w, -1)) + JOIN, 3.0))
+        right, left, near, far = right[keep], left[keep], near[keep], far[keep]
+    else:
+        parts = np.ceil(w / WIDEST).astype(np.int64)
+        near = far = np.repeat(beams, parts)
+        part = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
+        start, step = np.repeat(b - 0.5 * w, parts), np.repeat(w / parts, parts)
+        right, left = start + part * step, start + (part + 1) * step
+    joined = np.zeros(right.size, dtype=bool)
+    joined[1:] = np.abs(right[1:] - left[:-1]) <= JOIN
+    right[1:][joined[1:]] = left[:-1][joined[1:]]
+    corners = np.stack((np.cos(right), np.sin(right), np.cos(left), np.sin(left)))
+    if right.size and abs(left[-1] - right[0] - 2.0 * pi) <= JOIN:
+        corners[2:, -1] = corners[:2, 0]
+    return Fan(corners, np.stack((near, far, joined)).astype(np.int32), centres, beams)
+
+
+class Observer:
+    """A model at work on one lattice, with its buffers; called once a reading.
+
+    Args:
+        geometry: of the cells.
+        model: what a reading shows.
+        max_range: m, farther returns clear up to it and hit nothing; None: the sensor's own.
+        no_return: what +inf, and ranges at or above the sensor's greatest, clear: "near" 5 m at
+            most, "clear" up to the sensor's greatest range, "ignore" nothing.
+        margin: cells before the hit that are not shown empty; None: the model's.
+        min_observed: share of a cell's samples that makes a visit.
+        shape: see `fan`.
+    """
+
+    def __init__(
+        self,
+        geometry: Geometry,
+        model: Model,
+        *,
+        max_range: float | None = None,
+        no_return: NoReturn = "near",
+        margin: float | None = None,
+        min_observed: float = 0.5,
+        shape: Shape = "sectors",
+    ) -> None:
+        self.geometry, self.model, self.shape = geometry, model, shape
+        self.no_return = no_return
+        self.max_range = HORIZON if max_range is None else min(max_range, HORIZON)
+        self.margin = (model.margin if margin is None else margin) * geometry.resolution
+        self.least = min_observed * model.samples**2
+        self.scale = model.samples / geometry.resolution
+        rows, cols = geometry.rows * model.samples, geometry.cols
+        self._room(rows, 64)
+        self._filled = np.empty((3, rows), dtype=np.int32)
+        self._shares = np.zeros((2, cols), dtype=np.int32)
+        self._bearings = self._widths = np.empty(0)
+        self._fan = fan(self._bearings, self._widths, shape)
+        self._scratch(0)
+
+    def __call__(self, pose: Pose, scan: Scan, counts: Counted) -> Touched:
+        """Count one reading in the cells that it shows.
+
+        Args:
+            pose: of the sensor in the lattice's frame; a pose that is not finite shows nothing.
+            scan: as recorded.
+            counts: (levels, rows, cols) uint32, counted up in place.
+        """
+        self._aim(scan)
+        self._ranges[:] = scan.ranges
+        g, touched = self.geometry, 0
+        place = ((pose.x - g.x) * self.scale, (pose.y - g.y) * self.scale, pose.yaw)
+        if all(isfinite(v) and abs(v) < 1e12 for v in place):
+            limits = self.limits(scan)
+            touched = self._read(place, limits, counts)
+            if touched < 0:  # a row of the lattice met more borders than there was room for
+                self._room(self._events.shape[0], -2 * touched)
+                touched = self._read(place, limits, counts)
+        return Touched(self._runs[:touched])
+
+    def limits(self, scan: Scan) -> Floats:
+        """What `clean` needs, in m, all of it finite."""
+        greatest = scan.max_range if scan.max_range > 0.0 else HORIZON  # 0 and nan: not stated
+        nearest = scan.min_range if scan.min_range > TOUCHING else TOUCHING
+        nothing = min(greatest * AT_MOST, HORIZON)
+        clear = min(CLEAR[self.no_return], greatest, self.max_range)
+        band = self.geometry.resolution
+        return np.array([nearest, nothing, self.max_range, clear, self.margin, band])
+
+    def _read(self, place: tuple[float, float, float], limits: Floats, counts: Counted) -> int:
+        return read(
+            *self._fan,
+            self._ranges,
+            self._depths,
+            self._points,
+            self._edges,
+            limits,
+            place,
+            self.scale,
+            self.model.samples,
+            self.model.banded,
+            self.least,
+            self._events,
+            self._filled,
+            self._spare,
+            self._shares,
+            self._held,
+            counts,
+            self._runs,
+        )
+
+    def _room(self, rows: int, room: int) -> None:
+        """Buffers for so many events a row."""
+        self._events = np.empty((rows, room), dtype=np.int32)
+        self._spare = np.empty(room, dtype=np.int32)
+
+    def _scratch(self, beams: int) -> None:
+        """Buffers for a scan of so many beams."""
+        self._ranges, self._depths = np.empty(beams), np.empty((3, beams))
+        self._held = np.empty((beams, 2), dtype=np.uint32)
+        # Room for a run a cell and a beam: pages that are never written cost nothing.
+        self._runs = np.empty(
+            (self.geometry.rows * self.geometry.cols + beams + 1, 3), dtype=np.int32
+        )
+        most = max(beams, self._fan.links.shape[1])
+        self._points, self._edges = np.empty((6, most)), np.empty(3 * most + 1, dtype=np.int32)
+
+    def _aim(self, scan: Scan) -> None:
+        """Directions of the borders: those of the last scan where the bearings are the same."""
+        if scan.bearings is self._bearings and scan.widths is self._widths:
+            return
+        if not (
+            np.array_equal(scan.bearings, self._bearings)
+            and np.array_equal(scan.widths, self._widths)
+        ):
+            self._fan = fan(scan.bearings, scan.widths, self.shape)
+            self._scratch(scan.bearings.size)
+        self._bearings, self._widths = scan.bearings, scan.widths
