@@ -1,4 +1,4 @@
-"""ROS payloads against rosbags' decoder, which is not ours, and against damage."""
+"""ROS payloads against rosbags' decoder, which is not ours."""
 
 from __future__ import annotations
 
@@ -10,31 +10,19 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from rosbags.interfaces import Nodetype
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from formats import messages
 from formats.log import Topic
 from formats.messages import Cloud, LaserScan, PoseMessage, Transform, Transforms
-from formats.ros import CDR, DECODERS, Noun, Undecodable, decode, decoder, laser_scan, odd_stamp
-
-TFS = "geometry_msgs/TransformStamped[] transforms"
-HUMBLE, NOETIC = get_typestore(Stores.ROS2_HUMBLE), get_typestore(Stores.ROS1_NOETIC)
-HUMBLE.register(get_types_from_msg(TFS, "tf/msg/tfMessage"))
-NOETIC.register(get_types_from_msg(TFS, "tf2_msgs/msg/TFMessage"))
-NOETIC.register(get_types_from_msg(TFS, "tf/msg/tfMessage"))
-
-ENCODINGS: dict[str, tuple[str, Any, Callable[[Any, str], bytes]]] = {
-    "ros1": ("ros1", NOETIC, lambda m, t: bytes(NOETIC.serialize_ros1(m, t))),
-    "cdr little": ("cdr", HUMBLE, lambda m, t: bytes(HUMBLE.serialize_cdr(m, t))),
-    "cdr big": (
-        "cdr",
-        HUMBLE,
-        lambda m, t: bytes(HUMBLE.serialize_cdr(m, t, little_endian=False)),
-    ),
-}
-LASER = "sensor_msgs/msg/LaserScan"
-
+from formats.ros import CDR, DECODERS, Noun, decode, laser_scan
+from tests.ros_messages import (
+    ENCODINGS,
+    HUMBLE,
+    LASER,
+    message,
+    plain,
+    scan_message,
+)
 
 # What a message of rosbags says, in our nouns: the slow, obvious way.
 
@@ -131,68 +119,6 @@ EXPECTED: dict[str, Callable[[Any], Noun]] = {
 }
 
 
-def plain(value: Any) -> Any:
-    """A noun as nested lists whose equality is exact, nan equal to nan."""
-    if isinstance(value, np.ndarray):
-        return [value.shape, [plain(v) for v in value.ravel().tolist()]]
-    if isinstance(value, tuple | list):
-        return [type(value).__name__ if hasattr(value, "_fields") else "", *map(plain, value)]
-    if isinstance(value, float):
-        return "nan" if value != value else value
-    return value
-
-
-# Messages of any type, drawn from its own fields.
-
-TEXT = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=9)
-DTYPES = {"byte": "uint8", "char": "uint8", "bool": "bool"}
-
-
-def base(kind: str) -> st.SearchStrategy[Any]:
-    if kind == "string":
-        return TEXT
-    if kind == "bool":
-        return st.booleans()
-    if kind.startswith("float"):
-        return st.floats(width=32 if kind == "float32" else 64)
-    limits = np.iinfo(DTYPES.get(kind, kind))
-    return st.integers(int(limits.min), int(limits.max))
-
-
-def field(store: Any, desc: Any) -> st.SearchStrategy[Any]:
-    kind, inner = desc
-    if kind == Nodetype.BASE:
-        return base(inner[0])
-    if kind == Nodetype.NAME:
-        return message(store, inner)
-    item, length = inner
-    sizes = {"min_size": length, "max_size": length} if kind == Nodetype.ARRAY else {"max_size": 4}
-    many = st.lists(field(store, item), **sizes)
-    if item[0] == Nodetype.BASE:
-        dtype = DTYPES.get(item[1][0], item[1][0])
-        return many.map(lambda values: np.array(values, dtype=dtype))
-    return many
-
-
-def message(store: Any, name: str) -> st.SearchStrategy[Any]:
-    made = store.types[name]
-    if name == "builtin_interfaces/msg/Time":
-        return st.builds(made, st.integers(0, 2**31 - 1), st.integers(0, 2**32 - 1))
-    fields = store.fielddefs[name][1]
-    return st.builds(made, *(field(store, desc) for _, desc in fields)).map(consistent)
-
-
-def consistent(m: Any) -> Any:
-    """Sizes that agree with the data, where a type has both."""
-    if m.__msgtype__ == "sensor_msgs/msg/Image":
-        m.height, m.step = len(m.data) and 1, len(m.data)
-    elif m.__msgtype__ == "nav_msgs/msg/OccupancyGrid":
-        m.info.width, m.info.height = len(m.data), 1
-    elif m.__msgtype__ == "sensor_msgs/msg/PointCloud2":
-        m.height = m.width = 0
-    return m
-
-
 @pytest.mark.parametrize("encoding", ENCODINGS)
 @pytest.mark.parametrize("name", DECODERS)
 @given(data=st.data())
@@ -209,15 +135,6 @@ def test_equal_to_rosbags(name: str, encoding: str, data: st.DataObject) -> None
 
 def test_every_decoder_has_an_expectation() -> None:
     assert set(DECODERS) == set(EXPECTED)
-
-
-def scan_message(store: Any = HUMBLE, frame: str = "laser", beams: int = 5, bright: int = 0) -> Any:
-    t = store.types
-    seq = [7] if store is NOETIC else []
-    header = t["std_msgs/msg/Header"](*seq, t["builtin_interfaces/msg/Time"](12, 34), frame)
-    ranges = np.arange(beams, dtype=np.float32) / 3
-    floats = (-1.5, 1.5, 0.25, 0.5, 0.75, 0.125, 30.0)
-    return t[LASER](header, *floats, ranges, np.ones(bright, dtype=np.float32))
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
@@ -283,91 +200,6 @@ def test_cloud_with_padded_rows_and_any_order_of_fields(
     assert plain(found) == plain(EXPECTED[name](m))
 
 
-# Damage: FAULTS 24 to 27 and 46.
-
-
-def whole(name: str, encoding: str) -> bytes:
-    """A message with something in every field."""
-    _, store, write = ENCODINGS[encoding]
-
-    def filled(kind: Any, inner: Any) -> Any:
-        if kind == Nodetype.NAME:
-            made = store.types[inner]
-            return consistent(made(*(filled(*desc) for _, desc in store.fielddefs[inner][1])))
-        if kind == Nodetype.BASE:
-            return "text" if inner[0] == "string" else 1
-        item, length = inner
-        many = [filled(*item) for _ in range(length or 2)]
-        return np.array(many, dtype=DTYPES.get(item[1][0], item[1][0])) if item[0] == 1 else many
-
-    return write(filled(Nodetype.NAME, name), name)
-
-
-@pytest.mark.parametrize("encoding", ENCODINGS)
-@pytest.mark.parametrize("name", DECODERS)
-def test_every_cut_is_undecodable(name: str, encoding: str) -> None:
-    topic, payload = Topic("/t", name, ENCODINGS[encoding][0]), whole(name, encoding)
-    decode(topic, payload)
-    for size in range(len(payload)):
-        with pytest.raises(Undecodable, match=r"cut short|empty payload"):
-            decode(topic, payload[:size])
-
-
-@pytest.mark.parametrize("name", DECODERS)
-def test_padding_of_three_bytes_is_fine_and_eight_are_not(name: str) -> None:
-    for encoding in ("cdr little", "cdr big"):
-        topic, payload = Topic("/t", name, "cdr"), whole(name, encoding)
-        for extra in range(4):
-            assert plain(decode(topic, payload + bytes(extra))) == plain(decode(topic, payload))
-        with pytest.raises(Undecodable, match="longer than its type"):
-            decode(topic, payload + bytes(8))
-    topic = Topic("/t", name, "ros1")
-    with pytest.raises(Undecodable, match="longer than its type"):
-        decode(topic, whole(name, "ros1") + bytes(8))
-
-
-@pytest.mark.parametrize("count", [2**31, 2**32 - 1])
-@pytest.mark.parametrize("encoding", ENCODINGS)
-def test_impossible_number_of_ranges(encoding: str, count: int) -> None:
-    kind, store, write = ENCODINGS[encoding]
-    payload = bytearray(write(scan_message(store), LASER))
-    at = len(payload) - 4 - 5 * 4 - 4
-    struct.pack_into(">I" if encoding == "cdr big" else "<I", payload, at, count)
-    with pytest.raises(Undecodable) as caught:
-        decode(Topic("/scan", LASER, kind), bytes(payload))
-    assert caught.value.reason == "impossible number of ranges"
-
-
-def test_number_of_ranges_just_too_large_says_how_much_is_there() -> None:
-    payload = bytearray(HUMBLE.serialize_cdr(scan_message(), LASER))
-    struct.pack_into("<I", payload, len(payload) - 28, 1000)
-    with pytest.raises(Undecodable, match=r"^cut short \(after 80 of 4056 bytes\)$") as caught:
-        decode(Topic("/scan", LASER, "cdr"), bytes(payload))
-    assert caught.value.reason == "cut short"
-
-
-def test_absurd_number_of_structures_is_refused_before_they_are_made() -> None:
-    payload = bytes(4) + struct.pack(">I", 2**20) + bytes(2**22)
-    with pytest.raises(Undecodable, match="impossible number of transforms"):
-        decode(Topic("/tf", "tf2_msgs/msg/TFMessage", "cdr"), payload)
-
-
-@pytest.mark.parametrize(
-    ("first", "reason"),
-    [
-        (b"\x00\x09", "unknown encapsulation 0x0009 (XCDR2)"),
-        (b"\x00\x03", "unknown encapsulation 0x0003 (PL_CDR)"),
-        (b"\x00\xff", "unknown encapsulation 0x00ff"),
-        (b"\x01\x01", "unknown encapsulation 0x0101"),
-    ],
-)
-def test_unknown_encapsulation(first: bytes, reason: str) -> None:
-    payload = first + bytes(HUMBLE.serialize_cdr(scan_message(), LASER))[2:]
-    with pytest.raises(Undecodable) as caught:
-        decode(Topic("/scan", LASER, "cdr"), payload)
-    assert caught.value.reason == reason
-
-
 def test_plain_cdr2_aligns_to_four_bytes_and_sizes_sequences_of_structures() -> None:
     """OMG DDS-XTypes 1.3, 7.4.3.5: by hand, since rosbags refuses it."""
 
@@ -383,74 +215,6 @@ def test_plain_cdr2_aligns_to_four_bytes_and_sizes_sequences_of_structures() -> 
     pose = struct.pack("<iI", 5, 6) + text(b"map") + struct.pack("<7d", *range(7))
     found = decode(Topic("/p", "geometry_msgs/msg/PoseStamped", "cdr"), b"\0\7\0\0" + pose)
     assert found == PoseMessage(5_000_000_006, "map", "", numbers)
-
-
-@pytest.mark.parametrize(
-    ("sec", "nanosec", "expected", "odd"),
-    [
-        (1, 1_500_000_000, 2_500_000_000, "nanoseconds of a second or more, carried"),
-        (-1, 5, -999_999_995, "stamp before 1970"),
-        (2**31 - 1, 999_999_999, 2_147_483_647_999_999_999, ""),
-        (0, 0, 0, ""),
-    ],
-)
-def test_odd_stamps(sec: int, nanosec: int, expected: int, odd: str) -> None:
-    m = scan_message()
-    m.header.stamp.sec, m.header.stamp.nanosec = sec, nanosec
-    for little in (True, False):
-        payload = bytes(HUMBLE.serialize_cdr(m, LASER, little_endian=little))
-        found = decode(Topic("/scan", LASER, "cdr"), payload)
-        assert isinstance(found, LaserScan)
-        assert (found.stamp_ns, odd_stamp(found.stamp_ns)) == (expected, odd)
-
-
-def test_ros1_time_goes_on_after_2038() -> None:
-    payload = bytearray(NOETIC.serialize_ros1(scan_message(NOETIC), LASER))
-    struct.pack_into("<I", payload, 4, 2**31 + 1)
-    found = decode(Topic("/scan", LASER, "ros1"), bytes(payload))
-    assert isinstance(found, LaserScan)
-    assert found.stamp_ns == (2**31 + 1) * 10**9 + 34
-    assert odd_stamp(found.stamp_ns) == ""
-
-
-@given(st.binary(max_size=300), st.sampled_from(sorted(DECODERS)), st.sampled_from([0, 1, 7]))
-@settings(max_examples=500, deadline=None)
-def test_any_bytes_give_a_noun_or_undecodable(raw: bytes, name: str, kind: int) -> None:
-    for topic, payload in (
-        (Topic("/t", name, "ros1"), raw),
-        (Topic("/t", name, "cdr"), bytes([0, kind, 0, 0]) + raw),
-    ):
-        try:
-            decode(topic, payload)
-        except Undecodable:
-            continue
-
-
-@given(st.integers(0, 10_000), st.integers(0, 255), st.sampled_from(sorted(DECODERS)))
-@settings(max_examples=500, deadline=None)
-def test_damaged_bytes_give_a_noun_or_undecodable(at: int, value: int, name: str) -> None:
-    for encoding, (kind, _, _) in ENCODINGS.items():
-        payload = bytearray(whole(name, encoding))
-        payload[at % len(payload)] = value
-        try:
-            decode(Topic("/t", name, kind), bytes(payload))
-        except Undecodable:
-            continue
-
-
-def test_bad_utf8_frames_stay_apart() -> None:
-    names = set()
-    for byte in (b"\xff", b"\xfe"):
-        payload = bytes(HUMBLE.serialize_cdr(scan_message(frame="laseR"), LASER))
-        found = decode(Topic("/scan", LASER, "cdr"), payload.replace(b"R", byte))
-        assert isinstance(found, LaserScan)
-        names.add(found.frame)
-    assert names == {r"lase\xff", r"lase\xfe"}
-
-
-def test_unknown_encoding_costs_the_topic() -> None:
-    with pytest.raises(Undecodable, match="unknown encoding cbor"):
-        decoder(Topic("/scan", LASER, "cbor"))(b"")
 
 
 def test_the_usual_scan_takes_the_fast_path(monkeypatch: pytest.MonkeyPatch) -> None:
