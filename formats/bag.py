@@ -17,6 +17,7 @@ from contextlib import suppress
 from heapq import heappop, heappush
 from itertools import pairwise
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -32,7 +33,8 @@ VERSION = re.compile(rb"#ROS(?:BAG|RECORD) V([0-9.]{1,9})")
 RELEASED = 64 << 20  # bytes of the file between two releases of its pages
 ROWS = 4096  # messages turned into Python numbers at a time
 WHOLE = ("complete", "no index")
-END = (1 << 63, 0)  # later than every (time, chunk)
+LATEST = 1 << 63
+END = (LATEST, 0)  # later than every (time, chunk)
 Rows = npt.NDArray[np.int64]  # (n, 5): time, connection, first and last + 1 byte, chunk
 
 
@@ -111,7 +113,9 @@ class Bag:
         """Set a chunk's first and last time, by its index or else by reading it."""
         known = all(key in self._connections for key in self._keyed(chunk, chunk.expected))
         times = index_entries(self._buffer, chunk).times if chunk.indexed else NONE.times
-        chunk.start, chunk.end_ns = (int(times.min()), int(times.max())) if len(times) else (0, 0)
+        if len(times):  # the chunk's info may say otherwise: either may be damaged
+            chunk.start = min(chunk.start or LATEST, int(times.min()))
+            chunk.end_ns = max(chunk.end_ns, int(times.max()))
         if known and chunk.indexed:
             return
         loaded = self._load(number)
@@ -187,25 +191,13 @@ class Bag:
         seen = 0
         pending: list[tuple[int, int, Rows]] = []  # a heap: next time, chunk, rows
         for (_, number), closed in pairwise([*order, END]):
-            conns = wanted[self._chunks[number].part]
-            rows = self._rows(number, conns)
+            chunk = self._chunks[number]
+            rows = self._rows(number, wanted[chunk.part])
             if len(rows):
                 heappush(pending, (int(rows[0, 0]), number, rows))
-            ready = []
-            while pending and pending[0][:2] < closed:
-                _, number, rows = heappop(pending)
-                first = int(np.searchsorted(rows[:, 0], closed[0], "left"))
-                if number < closed[1]:
-                    first = int(np.searchsorted(rows[:, 0], closed[0], "right"))
-                ready.append(rows[:first])
-                if first < len(rows):
-                    heappush(pending, (int(rows[first, 0]), number, rows[first:]))
-            if len(ready) > 1:
-                together = np.concatenate(ready)
-                ready = [together[np.lexsort((together[:, 2], together[:, 4], together[:, 0]))]]
-            for rows in ready:
-                yield from self._given(rows, wanted)
-            seen += self._chunks[number].end - self._chunks[number].data
+            for ready in _before(pending, closed):
+                yield from self._given(ready, wanted)
+            seen += chunk.end - chunk.data
             if seen > RELEASED:
                 self._release()
                 seen = 0
@@ -279,3 +271,19 @@ class Bag:
         with suppress(BufferError):
             self._buffer.release()
             self._map.close()
+
+
+def _before(pending: list[tuple[int, int, Rows]], closed: tuple[int, int]) -> list[Rows]:
+    """Take from a heap of chunks' rows those that come before (time, chunk), in order."""
+    ready: list[Rows] = []
+    while pending and pending[0][:2] < closed:
+        _, number, rows = heappop(pending)
+        side: Literal["left", "right"] = "right" if number < closed[1] else "left"
+        first = int(np.searchsorted(rows[:, 0], closed[0], side))
+        ready.append(rows[:first])
+        if first < len(rows):
+            heappush(pending, (int(rows[first, 0]), number, rows[first:]))
+    if len(ready) > 1:
+        together = np.concatenate(ready)
+        ready = [together[np.lexsort((together[:, 2], together[:, 4], together[:, 0]))]]
+    return ready

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formats.bag_records import (
+    HEADER,
     U32,
     Connection,
     scan,
@@ -20,7 +21,6 @@ from formats.compression import inflate
 Ints = npt.NDArray[np.int64]
 ENTRY = np.dtype([("sec", "<u4"), ("nsec", "<u4"), ("offset", "<u4")])
 BLOCK = 1 << 15  # messages compared with the index at a time
-HEADER = 46  # bytes from a message's start to its data: 4 + 38 + 4
 
 
 class Layout(NamedTuple):
@@ -221,7 +221,7 @@ def load(buffer: memoryview, chunk: Chunk, limit: int) -> Loaded:
     if (agreed := by_index(data, index)) is not None:
         rows, connections = agreed
         return Loaded(data, rows.sorted(), connections, Counter(), damage)
-    messages, connections, gaps, missing = scan(data, 0, len(data))
+    messages, connections, gaps, missing = scan(data, 0, len(data), set(index.starts.tolist()))
     rows = Rows(*np.array(messages, dtype=np.int64).reshape(-1, 4).T)
     lost: Counter[int] = Counter()
     odd = ""

@@ -98,6 +98,7 @@ def by_index_section(
         if chunk is None or (chunks and chunk.pos < chunks[-1].end) or chunk.end > start:
             return None
         chunk.part = part
+        chunk.start, chunk.end_ns = info.time(b"start_time"), info.time(b"end_time")
         chunks.append(chunk)
     known = {record.number(b"conn") for record in connections}
     if any(conn not in known for chunk in chunks for conn, _, _ in chunk.index):

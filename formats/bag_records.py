@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from array import array
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Container, Iterator
 from struct import Struct
 from typing import NamedTuple
 
@@ -25,6 +25,7 @@ FIELDS: dict[int, dict[bytes, int | None]] = {
 }
 OUTSIDE_CHUNKS = (BAG_HEADER, INDEX, CHUNK, CHUNK_INFO)
 LONGEST_HEADER = 1 << 20
+HEADER = 46  # bytes from a message's start to its data: 4 + 38 + 4
 OP_FIELD = 8  # bytes: u32 length and "op=" and the code
 
 U32, U64 = Struct("<I"), Struct("<Q")
@@ -32,6 +33,9 @@ u32, u64, message_numbers = U32.unpack_from, U64.unpack_from, Struct("<IIII").un
 # A message's header in any order of its fields, and the length of its data.
 message_header = re.compile(
     rb"\x26\0{3}(?:\x04\0{3}op=\x02|\x09\0{3}conn=(.{4})|\x0d\0{3}time=(.{8})){3}(.{4})", re.DOTALL
+).match
+header_start = re.compile(
+    rb".{2}[\0-\x0f]\0[\x04-\xff].{3}(?:op|conn|time|topic)=", re.DOTALL
 ).match
 find_op = re.compile(rb"\x04\0{3}op=[\x02-\x07]").search
 
@@ -48,6 +52,11 @@ class Record(NamedTuple):
     def number(self, name: bytes) -> int:
         """A field of 4 or 8 bytes, as an unsigned number."""
         return int.from_bytes(self.fields[name], "little")
+
+    def time(self, name: bytes) -> int:
+        """A field of seconds and nanoseconds, in ns."""
+        sec, nsec = divmod(self.number(name), 1 << 32)[::-1]
+        return sec * 1_000_000_000 + nsec
 
     def text(self, name: bytes) -> str:
         """A field of text; bytes that are not UTF-8 are escaped."""
@@ -167,11 +176,17 @@ class Found(NamedTuple):
     dropped: Counter[int]
 
 
-def scan(data: memoryview, pos: int, end: int) -> Found:
+def scan(data: memoryview, pos: int, end: int, known: Container[int] = ()) -> Found:
     """Messages and connections record by record, going on behind damage.
 
     A record counts when a plausible one, or the end, follows it. Where none does, the search goes
-    on inside it: a damaged length must not swallow the messages behind it.
+    on inside it: a damaged length must not swallow the messages behind it. Where what follows does
+    not even look like a spoilt header, the length is taken to be too short.
+
+    Args:
+        data: a chunk's bytes.
+        pos, end: the part of them to read.
+        known: where records begin, as far as an index says.
     """
     found = Found(array("q"), {}, [], Counter())
     messages, connections, gaps, dropped = found
@@ -185,17 +200,27 @@ def scan(data: memoryview, pos: int, end: int) -> Found:
             continue
         whole = first > pos  # its header is there, its data are not
         again = find_record(data, first if whole else last[2], end, (MESSAGE, CONNECTION))
-        resume, damage = again.pos if again else end, pos
+        resume = again.pos if again else end
         if whole and conn >= 0:
             dropped[conn] += 1
-        if resume < pos:
-            damage = last[1]
-            if last[0] >= 0:
-                dropped[last[0]] += 1
-                del messages[-4:]
-        gaps.append((damage, resume))
+        short = not whole and pos not in known and not _like_header(data, pos, end, last[2])
+        wrong = resume < pos or short  # the last record's length, that is
+        if wrong and last[0] >= 0:
+            dropped[last[0]] += 1
+            del messages[-4:]
+        gaps.append((last[1] if wrong else pos, resume))
         last, pos = (-1, resume, resume), resume
     return found
+
+
+def _like_header(data: memoryview, pos: int, end: int, last: int) -> bool:
+    """Whether the bytes at `pos` are a header with some damage, as that before `last` was."""
+    if header_start(data, pos, end):
+        return True
+    header = data[max(0, last - HEADER) : last]
+    here = data[pos : min(pos + HEADER, end)]
+    same = sum(a == b for a, b in zip(header, here, strict=False))
+    return 2 * same >= len(here)
 
 
 def _inner(
@@ -213,8 +238,7 @@ def _inner(
         return -1, 0, pos, end + 1
     conn = record.number(b"conn")
     if record.op == MESSAGE:
-        sec, nsec = divmod(record.number(b"time"), 1 << 32)[::-1]
-        return conn, sec * 1_000_000_000 + nsec, record.data, record.end
+        return conn, record.time(b"time"), record.data, record.end
     if record.end <= end:
         said = connection(record.fields, bytes(data[record.data : record.end]))
         connections.setdefault(conn, said)

@@ -31,6 +31,7 @@ from formats.errors import FormatError, Notes
 
 # How lz4 frames and bz2 streams begin: they show a chunk whose own header is damaged.
 COMPRESSED = re.compile(rb"(BZh[1-9]1AY&SY)|\x04\x22\x4d\x18")
+LARGEST = 1 << 32  # bytes, for a chunk that does not say
 LONGEST_INDEX = 4096  # bytes of damage behind which index records may still belong to the chunk
 
 
@@ -99,9 +100,7 @@ class Walk:
         size = len(self.buffer)
         record = read_record(self.buffer, pos, size)
         if record is None or (record.end > size and record.op not in (CHUNK, MESSAGE)):
-            again = find_record(self.buffer, pos + 1, size)
-            self.damage(pos, again.pos if again else size)
-            return again.pos if again else size
+            return self.damage(pos)
         if record.op == CHUNK:
             return self.chunk(record)
         if record.op == MESSAGE:
@@ -142,17 +141,24 @@ class Walk:
         self.add(Chunk(record.pos, record.pos, end, "none", end - record.pos))
         return end
 
-    def damage(self, pos: int, end: int) -> None:
+    def damage(self, pos: int) -> int:
         """A stretch without records; perhaps a compressed chunk without its header."""
-        self.gaps.append((pos, end))
+        size = len(self.buffer)
         if self.current:
             self.doubtful.add(self.current.pos)
+        again = find_record(self.buffer, pos + 1, size)
+        end = again.pos if again else size
         begin = COMPRESSED.search(self.buffer, pos, min(end, pos + LONGEST_INDEX))
         if begin:
+            # lz4 leaves much as it is: what looks like a message here may be half of one.
+            again = find_record(self.buffer, begin.end(), size, OUTSIDE_CHUNKS)
+            end = again.pos if again else size
             kind = "bz2" if begin[1] else "lz4"
-            self.add(Chunk(pos, begin.start(), end, kind, 1 << 32, complaint="damaged chunk"))
+            self.add(Chunk(pos, begin.start(), end, kind, LARGEST, complaint="damaged chunk"))
         elif end - pos > LONGEST_INDEX:
             self.current = None
+        self.gaps.append((pos, end))
+        return end
 
     def add(self, chunk: Chunk) -> None:
         """One more chunk, to which the next index records belong."""
@@ -194,7 +200,9 @@ class Walk:
         if head and not index_pos:
             self.notes.warn(self.path, "has no index: its recording was not ended; read in full")
             self.found.say("no index")
-        self.found.say("damaged index")
+        if self.found.state == "complete":
+            self.notes.warn(self.path, "has a damaged index; read in full")
+            self.found.say("damaged index")
 
     def say(self, data_end: int, known: bool) -> None:
         """Count damage between records: a loss, unless it is `known` what should be there."""
