@@ -43,6 +43,9 @@ ENTRY = np.dtype(
     [("time", "u8"), ("start", "u8"), ("size", "u4"), ("channel", "u2"), ("block", "u4")]
 )
 Entries = npt.NDArray[np.void]
+START = np.uint64(RAW.itemsize)  # of the payload in its record
+LATEST = np.uint64(2**63 - 1)
+PIECE = 1 << 16  # messages that are indexed at a time
 
 
 @dataclass(slots=True)
@@ -186,15 +189,17 @@ def entries(data: Buffer, messages: array[int]) -> Entries:
     found = np.empty(len(messages), dtype=ENTRY)
     if not len(messages):
         return found
-    offsets = np.frombuffer(messages, dtype="u8")
     windows = np.lib.stride_tricks.sliding_window_view(
         np.frombuffer(data, dtype=np.uint8), RAW.itemsize
     )
-    raw = windows[offsets].view(RAW)[:, 0]
-    found["time"] = np.minimum(raw["time"], np.uint64(2**63 - 1))
-    found["start"] = offsets + np.uint64(RAW.itemsize)
-    found["size"] = raw["size"] - np.uint64(MESSAGE_HEAD)
-    found["channel"] = raw["channel"]
+    offsets = np.frombuffer(messages, dtype="u8")
+    for begin in range(0, len(found), PIECE):
+        part, piece = found[begin : begin + PIECE], offsets[begin : begin + PIECE]
+        raw = windows[piece].view(RAW)[:, 0]
+        part["time"] = np.minimum(raw["time"], LATEST)
+        part["start"] = piece + START
+        part["size"] = raw["size"] - np.uint64(MESSAGE_HEAD)
+        part["channel"] = raw["channel"]
     return found
 
 

@@ -16,10 +16,11 @@ from formats.compression import crc32
 from formats.errors import FormatError, Notes
 from formats.log import Message, Topic
 from formats.mcap_blocks import Block, Entries, Loaded, entries, walk_block
+from formats.mcap_losses import UNDEFINED, note_chunk
 from formats.mcap_merge import merged
 from formats.mcap_parse import MAX_CHUNK, MalformedError, parse
 from formats.mcap_records import ATTACHMENT, MAGIC, METADATA, Attachment, Metadata
-from formats.mcap_scan import UNDEFINED, note_chunk, scan
+from formats.mcap_scan import scan
 from formats.mcap_topics import topics_of
 
 CHANNELS = 1 << 16

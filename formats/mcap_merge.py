@@ -43,8 +43,9 @@ def merged(
     waiting = _Waiting(data, blocks, topics, max_chunk)
     seen = 0
     following = [*(block.first_ns for block in blocks[1:]), NEVER]
-    for number, chunk in enumerate(loaded(data, blocks, max_chunk)):
-        block, horizon = blocks[number], following[number]
+    chunks = loaded(data, blocks, max_chunk)
+    for number, (block, horizon) in enumerate(zip(blocks, following, strict=False)):
+        chunk = next(chunks)
         found = index(block, chunk)
         times = found["time"]
         if not waiting and _sorted(times) and _before(times, horizon, block, blocks, number):
@@ -52,6 +53,7 @@ def merged(
         else:
             waiting.add(number, found, chunk.data)
             yield from waiting.until(horizon)
+        del chunk, found, times  # before the next one is loaded, which may be large
         seen += block.stop - block.start
         if seen > RELEASED:
             release(data)

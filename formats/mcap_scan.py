@@ -8,24 +8,20 @@ from formats.compression import crc32
 from formats.errors import Kind, Notes, Path
 from formats.log import Container
 from formats.mcap_blocks import (
-    Block,
-    Entries,
-    Loaded,
-    Walked,
     channel_counts,
     entries,
     loaded,
     release,
     walk_block,
 )
-from formats.mcap_contents import Contents, Part, define
-from formats.mcap_parse import HEAD, MalformedError, parse
-from formats.mcap_records import MESSAGE_INDEX, SCHEMA, MessageIndex, Record
+from formats.mcap_contents import Contents, define
+from formats.mcap_losses import UNDEFINED, note_chunk
+from formats.mcap_parse import MalformedError, parse
+from formats.mcap_records import SCHEMA, Record
 from formats.mcap_summary import Summary, read_summary
 from formats.mcap_top import Top
 
 PIECE = 16 << 20
-UNDEFINED = "messages on channels that are not defined"
 
 
 def scan(
@@ -124,7 +120,9 @@ def _survey(path: Path, data: memoryview, notes: Notes, max_chunk: int, contents
             opcode, start, stop, number = definitions.popleft()
             define(path, notes, contents.parts[number], opcode, data[start:stop], start)
 
-    for block, chunk in zip(chunks, loaded(data, chunks, max_chunk), strict=True):
+    chunks_loaded = loaded(data, chunks, max_chunk)
+    for block in chunks:
+        chunk = next(chunks_loaded)
         define_until(block.at)
         part = contents.parts[block.part]
         walked = walk_block(chunk.data, 0, len(chunk.data))
@@ -139,70 +137,13 @@ def _survey(path: Path, data: memoryview, notes: Notes, max_chunk: int, contents
         lost = note_chunk(path, data, notes, part, block, chunk, index, walked)
         if lost and contents.damaged is None:
             contents.damaged = block.at
+        del chunk  # before the next one is loaded, which may be large
         seen += block.stop - block.start
         if seen > 64 << 20:
             release(data)
             seen = 0
     define_until(len(data))
     _check_channels(path, notes, contents)
-
-
-def note_chunk(
-    path: Path,
-    data: memoryview,
-    notes: Notes,
-    part: Part,
-    block: Block,
-    chunk: Loaded,
-    index: Entries,
-    walked: Walked,
-) -> bool:
-    """Count what a chunk lost, by topic where the message index behind it tells; whether it did.
-
-    Args:
-        path: the file.
-        data: its bytes.
-        notes: where to count.
-        part: the chunk's.
-        block: the chunk.
-        chunk: what could be had of it.
-        index: of the messages that were read from it.
-        walked: how far its records go.
-    """
-    place = f"byte {block.at}"
-    if chunk.problem and not chunk.lost:
-        notes.warn(path, chunk.problem, at=place)
-    if block.run or (not chunk.lost and walked.end == len(chunk.data)):
-        return False
-    problem = chunk.problem if chunk.lost else "records inside a chunk that cannot be read"
-    if block.cut and block.stop == len(data):
-        return False  # said once, as the end of the file
-    missing = _indexed(data, block.stop) - channel_counts(index)
-    for channel, count in missing.items():
-        known = part.channels.get(channel)
-        topic = known.topic if known else f"channel {channel}"
-        notes.lose(path, f"{problem}: messages lost", topic=topic, at=place, count=count)
-    if not missing:
-        notes.lose(path, problem, at=place)
-    return True
-
-
-def _indexed(data: memoryview, at: int) -> Counter[int]:
-    """Messages by channel, as the message indexes behind a chunk say."""
-    counts: Counter[int] = Counter()
-    while at + HEAD.size <= len(data):
-        opcode, size = HEAD.unpack_from(data, at)
-        at += HEAD.size
-        if opcode != MESSAGE_INDEX or size > len(data) - at:
-            break
-        try:
-            index = parse(opcode, data[at : at + size])
-        except MalformedError:
-            break
-        assert isinstance(index, MessageIndex)
-        counts[index.channel_id] += len(index.records)
-        at += size
-    return counts
 
 
 def _check_channels(path: Path, notes: Notes, contents: Contents) -> None:

@@ -19,12 +19,16 @@ from mcap.writer import CompressionType, Writer
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from formats import mcap_log
+from formats import mcap_log, ros
 from formats.errors import Notes
+from formats.messages import LaserScan
+from formats.sensing import swept
 
 BEAMS = 1081
 TYPE = "sensor_msgs/msg/LaserScan"
+MESSAGE = 4400  # bytes of a scan's message
 PIECE = 1 << 20
+LEVEL = np.eye(4)
 
 
 def write_log(path: Path, scans: int, compression: str) -> None:
@@ -68,6 +72,13 @@ def plain_read(path: Path) -> None:
             pass
 
 
+def message_read(path: Path) -> None:
+    """The file's bytes, a message's size at a time, as any reader must hand them out."""
+    with path.open("rb") as file:
+        while file.read(MESSAGE):
+            pass
+
+
 def whole_read(path: Path) -> None:
     """The file's bytes in memory."""
     path.read_bytes()
@@ -82,9 +93,18 @@ def our_messages(path: Path) -> None:
 
 
 def our_scans(path: Path) -> None:
-    """Ours: messages decoded to scans."""
-    from formats import ros
+    """Ours: messages decoded and made Scans of a level sensor."""
+    log = mcap_log.open_file(path, Notes())
+    decode = ros.decoder(log.topics()[0])
+    for message in log.messages():
+        reading = decode(message.data)
+        assert isinstance(reading, LaserScan)
+        swept(reading, reading.ranges, LEVEL, None)
+    log.close()
 
+
+def our_nouns(path: Path) -> None:
+    """Ours: messages decoded, their ranges views on the file."""
     log = mcap_log.open_file(path, Notes())
     decode = ros.decoder(log.topics()[0])
     for message in log.messages():
@@ -109,54 +129,54 @@ def support_scans(path: Path) -> None:
             pass
 
 
-def timed(job: Callable[[Path], None], path: Path, rounds: int) -> float:
-    """Median seconds of `rounds` runs, after one that warms up."""
-    job(path)
-    times = []
-    for _ in range(rounds):
-        begin = time.perf_counter()
-        job(path)
-        times.append(time.perf_counter() - begin)
-    return median(times)
+JOBS: dict[str, Callable[[Path], None]] = {
+    "plain file read, 1 MiB buffer": plain_read,
+    "plain file read, by message": message_read,
+    "plain file read, whole": whole_read,
+    "ours, messages": our_messages,
+    "ours, decoded": our_nouns,
+    "ours, to Scan": our_scans,
+    "rosbags AnyReader, decoded": rosbags_scans,
+}
+
+
+def medians(jobs: dict[str, Callable[[Path], None]], path: Path, rounds: int) -> dict[str, float]:
+    """Median seconds of each job; the jobs take turns, so that a busy spell hits all alike."""
+    times: dict[str, list[float]] = {name: [] for name in jobs}
+    for number in range(rounds + 1):
+        for name, job in jobs.items():
+            begin = time.perf_counter()
+            job(path)
+            if number:  # the first round warms up
+                times[name].append(time.perf_counter() - begin)
+    return {name: median(found) for name, found in times.items()}
 
 
 def main(argv: list[str] | None = None) -> int:
     """Print a table for uncompressed and zstd logs."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scans", type=int, default=12_000)
-    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--rounds", type=int, default=7)
     options = parser.parse_args(argv)
-    jobs: dict[str, Callable[[Path], None]] = {
-        "plain file read, 1 MiB buffer": plain_read,
-        "plain file read, whole": whole_read,
-        "ours, messages": our_messages,
-        "ours, to Scan": our_scans,
-        "rosbags AnyReader, decoded": rosbags_scans,
-    }
     slow: dict[str, Callable[[Path], None]] = {}
     if importlib.util.find_spec("mcap_ros2"):
         slow["mcap-ros2-support, decoded"] = support_scans
     else:
         print("mcap-ros2-support is not installed: left out", file=sys.stderr)
-    print(f"{'us a message':32}{'none':>10}{'zstd':>10}")
-    results: dict[str, dict[str, float]] = {}
+    results: dict[str, dict[str, float]] = {name: {} for name in (*JOBS, *slow)}
     with tempfile.TemporaryDirectory() as folder:
         for compression in ("none", "zstd"):
-            path = Path(folder) / f"{compression}.mcap"
-            write_log(path, options.scans, compression)
-            for name, job in jobs.items():
-                seconds = timed(job, path, options.rounds)
-                results.setdefault(name, {})[compression] = seconds / options.scans * 1e6
-            for name, job in slow.items():
-                short = Path(folder) / f"short-{compression}.mcap"
-                write_log(short, 500, compression)
-                results.setdefault(name, {})[compression] = timed(job, short, 1) / 500 * 1e6
+            for jobs, scans, rounds in ((JOBS, options.scans, options.rounds), (slow, 500, 1)):
+                path = Path(folder) / f"{compression}-{scans}.mcap"
+                write_log(path, scans, compression)
+                for name, seconds in medians(jobs, path, rounds).items():
+                    results[name][compression] = seconds / scans * 1e6
+    print(f"{'us a message, times of ours':32}{'none':>10}{'':8}{'zstd':>10}")
     for name, row in results.items():
-        print(f"{name:32}{row['none']:10.2f}{row['zstd']:10.2f}")
-    ours = results["ours, to Scan"]
-    for name, row in results.items():
-        ratios = [row[kind] / ours[kind] for kind in ("none", "zstd")]
-        print(f"{name + ' / ours':32}{ratios[0]:10.2f}{ratios[1]:10.2f}")
+        cells = ""
+        for compression, figure in row.items():
+            cells += f"{figure:10.2f}{figure / results['ours, to Scan'][compression]:7.2f}x"
+        print(f"{name:32}{cells}")
     return 0
 
 
