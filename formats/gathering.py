@@ -26,6 +26,7 @@ POSE_TYPES = (
     "geometry_msgs/msg/PoseWithCovarianceStamped",
     "nav_msgs/msg/Odometry",
 )
+LAST_NS = (1 << 63) - 1  # log times are unsigned 64-bit in MCAP
 MANY = 1_000_000  # samples of transforms, beyond which those that lead nowhere are dropped
 
 
@@ -36,9 +37,18 @@ def decoder_of(topic: Topic) -> Callable[[bytes | memoryview], Any] | None:
     return None
 
 
+def place_in(table: list[str], word: str) -> int:
+    """Where a word stands in a short table; new ones are added, the 256th and later are one."""
+    if word in table:
+        return table.index(word)
+    if len(table) < 256:
+        table.append(word)
+    return len(table) - 1
+
+
 @dataclass
 class ScanTimes:
-    """The scans of one topic, in the order of the log: 27 bytes each, views once all are read.
+    """The scans of one topic, in the order of the log: 26 bytes each, views once all are read.
 
     Attributes:
         sensor: how the topic's type is read.
@@ -56,7 +66,7 @@ class ScanTimes:
     _stamps: array[int] = field(default_factory=lambda: array("q"))
     _logs: array[int] = field(default_factory=lambda: array("q"))
     _sweeps: array[float] = field(default_factory=lambda: array("d"))
-    _frames: array[int] = field(default_factory=lambda: array("H"))
+    _frames: array[int] = field(default_factory=lambda: array("B"))
     _faults: array[int] = field(default_factory=lambda: array("B"))
 
     def add(self, reading: Any, log_ns: int) -> None:
@@ -73,19 +83,15 @@ class ScanTimes:
 
     def add_broken(self, fault: str, log_ns: int) -> None:
         """One more that could not be decoded: it keeps its place in the order."""
-        self._append(self._stamps[-1] if self._stamps else log_ns, log_ns, "", fault, 0.0)
+        name = self.names[-1] if self.names else ""
+        self._append(self._stamps[-1] if self._stamps else log_ns, log_ns, name, fault, 0.0)
 
     def _append(self, stamp_ns: int, log_ns: int, name: str, fault: str, sweep: float) -> None:
-        # A list is quicker than a dict for the one or two names that a topic has.
-        if name not in self.names:
-            self.names.append(name)
-        if fault not in self.faults:
-            self.faults = [*self.faults, fault][:255]
         self._stamps.append(stamp_ns)
         self._logs.append(log_ns)
         self._sweeps.append(sweep if isfinite(sweep) else -1.0)
-        self._frames.append(min(self.names.index(name), 65535))
-        self._faults.append(self.faults.index(fault) if fault in self.faults else 254)
+        self._frames.append(place_in(self.names, name))
+        self._faults.append(place_in(self.faults, fault))
 
     def __len__(self) -> int:
         return len(self._stamps)
@@ -106,9 +112,9 @@ class ScanTimes:
         return np.frombuffer(self._sweeps, dtype=np.float64)
 
     @property
-    def frame(self) -> np.ndarray[Any, np.dtype[np.uint16]]:
+    def frame(self) -> np.ndarray[Any, np.dtype[np.uint8]]:
         """(n,) index into `names`."""
-        return np.frombuffer(self._frames, dtype=np.uint16)
+        return np.frombuffer(self._frames, dtype=np.uint8)
 
     @property
     def fault(self) -> np.ndarray[Any, np.dtype[np.uint8]]:
@@ -188,15 +194,16 @@ def gather(
     count = 0
     for topic, time_ns, data in log.messages(wanted):
         read, take = readers.get(id(topic)) or readers[id(wanted[wanted.index(topic)])]
+        log_ns = min(time_ns, LAST_NS)
         try:
             noun = read(data)
         except Undecodable as error:
             at = f"{(time_ns - start) / SECOND:.2f} s"
             notes.lose(path, f"message not readable: {error.reason}", topic=topic.name, at=at)
             if topic in made.scans:
-                made.scans[topic].add_broken("not readable", time_ns)
+                made.scans[topic].add_broken("not readable", log_ns)
             continue
-        take(noun, time_ns)
+        take(noun, log_ns)
         count += 1
         if count % MANY == 0:
             sensors = {name for times in made.scans.values() for name in times.names}
@@ -239,6 +246,8 @@ def _pose_taker(poses: PoseTimes, notes: Notes, log: Log) -> Callable[[PoseMessa
             what = f"poses in {frame} among those in {poses.frame} ignored"
             notes.skip(log.path, what, topic=poses.topic.name)
             return
+        if type(noun.stamp_ns) is not int:
+            notes.warn(log.path, odd_stamp(noun.stamp_ns), topic=poses.topic.name)
         poses.samples.add(noun.stamp_ns, time_ns, noun.numbers)
 
     return take

@@ -80,12 +80,14 @@ def sift(
     """
     name = scans.topic.name
     keep = window.copy()
+    # By log times, which hold also where the stamps are what is wrong.
+    start_ns = int(scans.logs_ns[0]) - (int(times_ns[0]) - zero_ns) if len(scans) else 0
 
     def drop(rows: Mask, why: str, *, count: bool = True) -> None:
         rows = rows & keep
         keep[rows] = False
         if count and rows.any():
-            at = seconds(times_ns[rows][0], zero_ns)
+            at = seconds(scans.logs_ns[rows][0], start_ns)
             notes.skip(path, why, topic=name, at=at, count=int(rows.sum()))
 
     for index, fault in enumerate(scans.faults[1:], 1):
@@ -108,11 +110,12 @@ def sift(
     if late:
         notes.warn(path, "scan out of order (sorted)", topic=name, count=late)
     tell_gaps(np.sort(times_ns[keep]), notes, path, name, zero_ns)
-    if len({scans.names[i] for i in np.unique(scans.frame[keep])}) > 1:
+    frames = [scans.names[index] for index in np.unique(scans.frame[keep])]
+    if len(frames) > 1:
         others = int((scans.frame[keep] != scans.frame[keep][0]).sum())
-        frames = ", ".join(scans.names)
-        notes.warn(path, f"scans name several frames: {frames}", topic=name, count=others)
-    if any(not scans.names[i] for i in np.unique(scans.frame[keep])):
+        problem = f"another frame than the first scan: {', '.join(frames)}"
+        notes.warn(path, problem, topic=name, count=others)
+    if "" in frames:
         notes.warn(path, "scans name no frame: taken as sitting on the body", topic=name)
     return keep
 

@@ -15,6 +15,7 @@ from os import PathLike
 from typing import TypedDict, Unpack
 
 import numpy as np
+import numpy.typing as npt
 
 from formats.choice import (
     Wishes,
@@ -25,7 +26,7 @@ from formats.choice import (
     scan_topics,
     ways,
 )
-from formats.clock import SECOND, Clock
+from formats.clock import SECOND, Clock, Times
 from formats.drive import Drive
 from formats.errors import Notes, UsageError
 from formats.explaining import tell_choice, tell_missing
@@ -40,12 +41,11 @@ from formats.way import Way, blocks, flat
 
 __all__ = ["READERS", "Drive", "Options", "frames", "open_log", "survey"]
 
-GATES = "every", "min_travel", "min_turn", "readings_per_pose"
 Source = Log | str | PathLike[str] | Sequence[str | PathLike[str]]
 
 
 class Options(TypedDict, total=False):
-    """What may be said to `survey` and `frames`; all of it by keyword, all of it optional.
+    """What may be said to `survey` and `frames`, by keyword; None, "" and 0 are as if unsaid.
 
     Attributes:
         scan: the scan's topic.
@@ -64,19 +64,19 @@ class Options(TypedDict, total=False):
         readings_per_pose: scans taken before the robot has moved on.
     """
 
-    scan: str
-    pose: str
-    map_frame: str
-    base_frame: str
+    scan: str | None
+    pose: str | None
+    map_frame: str | None
+    base_frame: str | None
     sensor_pose: Pose | None
-    pose_delay: float
-    max_gap: float
+    pose_delay: float | None
+    max_gap: float | None
     deskew: bool
-    start_offset: float
-    duration: float
+    start_offset: float | None
+    duration: float | None
     every: int
-    min_travel: float
-    min_turn: float
+    min_travel: float | None
+    min_turn: float | None
     readings_per_pose: int | None
 
 
@@ -98,8 +98,8 @@ def survey(log: Log, notes: Notes, **options: Unpack[Options]) -> Drive:
         map_frame=options.get("map_frame") or "",
         base_frame=options.get("base_frame") or "",
         sensor_pose=options.get("sensor_pose"),
-        pose_delay_ns=round(options.get("pose_delay", 0.0) * SECOND),
-        max_gap_ns=round(options.get("max_gap", MAX_GAP_NS / SECOND) * SECOND),
+        pose_delay_ns=round((options.get("pose_delay") or 0.0) * SECOND),
+        max_gap_ns=round((options.get("max_gap") or MAX_GAP_NS / SECOND) * SECOND),
     )
     topics = scan_topics(log, wishes.scan)
     gathered = gather(log, notes, topics, pose_topics(log, wishes.pose))
@@ -109,9 +109,7 @@ def survey(log: Log, notes: Notes, **options: Unpack[Options]) -> Drive:
     zero = gathered.zero_ns(scans, clock)
     tell_clock(scans, clock, notes, log.path, zero)
     times = clock.times(scans.stamps_ns, scans.logs_ns)
-    start = options.get("start_offset", 0.0) * SECOND
-    end = start + options.get("duration", inf) * SECOND
-    window = (times - zero >= start) & (times - zero <= end)
+    window = _window(times - zero, options)
     keep = sift(scans, times, window, zero, notes, log.path)
     tell_missing(gathered, scans, way, keep, times, zero)
     keep &= way.valid
@@ -127,9 +125,14 @@ def survey(log: Log, notes: Notes, **options: Unpack[Options]) -> Drive:
         sweeps[part], poses[part] = swept.sweeps_ns, flat(swept.matrices)
         upright[part] = swept.matrices[:, 2, 2]
     tell_attitude(scans, upright, notes, log.path)
-    gates = {key: options[key] for key in GATES if key in options}  # type: ignore[literal-required]
     try:
-        taken = gate(poses, **gates)
+        taken = gate(
+            poses,
+            every=options.get("every", 1),
+            min_travel=options.get("min_travel") or 0.0,
+            min_turn=options.get("min_turn") or 0.0,
+            readings_per_pose=options.get("readings_per_pose"),
+        )
     except ValueError as error:
         raise UsageError(log.path, str(error)) from None
     middles = times[rows] + sweeps // 2
@@ -165,6 +168,17 @@ def frames(
             log.close()
     else:
         yield from survey(source, notes, **options).frames()
+
+
+def _window(since_ns: Times, options: Options) -> npt.NDArray[np.bool_]:
+    """Scans that the user asked for, by their time since the start of the log."""
+    start, duration = options.get("start_offset") or 0.0, options.get("duration")
+    window = np.ones(len(since_ns), dtype=bool)
+    if start > 0:
+        window &= since_ns >= round(start * SECOND)
+    if duration is not None and duration < inf:
+        window &= since_ns <= round((start + duration) * SECOND)
+    return window
 
 
 def _chosen(gathered: Gathered, wishes: Wishes) -> tuple[ScanTimes, Clock, Way | None, str]:

@@ -13,35 +13,23 @@ import numpy.typing as npt
 from formats.clock import Clock, Times
 from formats.errors import FormatError, Notes, Path
 from formats.messages import Numbers, Transform
+from formats.ros import odd_stamp
 from formats.track import (
     MAX_GAP_NS,
     STEADY,
     Floats,
+    Missing,
     Samples,
     Track,
     Why,
     clean,
     inverse,
     matrices,
+    missing_of,
 )
 
 Edge = tuple[str, str]  # parent, child
-
-
-class Missing(NamedTuple):
-    """Times at which something on the way to a pose is not known.
-
-    Attributes:
-        what: "transform odom > base_link".
-        why: BEFORE, AFTER, GAP or JUMP.
-        bound_ns: its first time for BEFORE, its last for AFTER, 0 where it has none.
-        rows: (k,) which of the asked times; a row is counted once.
-    """
-
-    what: str
-    why: Why
-    bound_ns: int
-    rows: npt.NDArray[np.intp]
+MOST_EDGES = 10_000  # a robot has some hundred; damaged names must not fill the memory
 
 
 class Lookup(NamedTuple):
@@ -50,19 +38,6 @@ class Lookup(NamedTuple):
     matrices: Floats
     valid: npt.NDArray[np.bool_]
     missing: list[Missing]
-
-
-def missing_of(
-    what: str, known_ns: Times, why: npt.NDArray[np.uint8], wanted: npt.NDArray[np.bool_]
-) -> list[Missing]:
-    """The wanted rows that are not OK, by the reason; `known_ns` are the times that are known."""
-    found = []
-    for kind in (Why.BEFORE, Why.AFTER, Why.GAP, Why.JUMP):
-        rows = np.flatnonzero((why == kind) & wanted)
-        if rows.size:
-            ends = {Why.BEFORE: known_ns[:1], Why.AFTER: known_ns[-1:]}.get(kind, known_ns[:0])
-            found.append(Missing(what, kind, int(ends[0]) if ends.size else 0, rows))
-    return found
 
 
 def plain(frame: str) -> str:
@@ -89,7 +64,7 @@ class Tree:
         self._statics: dict[Edge, Numbers] = {}
         self._samples: dict[Edge, Samples] = {}
         self._counts: dict[Edge, int] = {}
-        self._names: dict[Edge, Edge | None] = {}
+        self._names: dict[Edge, Edge] = {}
         self._parents: dict[str, str] | None = None
         self._tracks: dict[Edge, Track] = {}
         self._odd: dict[Edge, dict[str, int]] = {}  # of static edges; told of those that are used
@@ -101,11 +76,11 @@ class Tree:
             self._tracks.clear()  # they are views on what grows now
         for stamp_ns, parent, child, numbers in transforms:
             raw = parent, child
-            edge = self._names[raw] if raw in self._names else self._named(raw)
+            edge = self._names.get(raw) or self._named(raw)
             if edge is None:
-                what = "to itself" if plain(parent) == plain(child) else "of an unnamed frame"
-                self.notes.warn(self.path, f"transform {what} ignored: {parent or child}")
                 continue
+            if type(stamp_ns) is not int:
+                self.notes.warn(self.path, odd_stamp(stamp_ns), topic="/tf")
             self._counts[edge] += 1
             if static:
                 self._add_static(edge, numbers)
@@ -113,13 +88,23 @@ class Tree:
                 self._samples.setdefault(edge, Samples()).add(stamp_ns, log_ns, numbers)
 
     def _named(self, raw: Edge) -> Edge | None:
+        """The edge that a pair of names stands for; None, and a note, where it is none."""
         edge = plain(raw[0]), plain(raw[1])
-        sound = edge[0] and edge[1] and edge[0] != edge[1]
-        self._names[raw] = edge if sound else None
-        if sound:
-            self._counts.setdefault(edge, 0)
+        problem = ""
+        if not (edge[0] and edge[1]):
+            problem = "transform of an unnamed frame ignored"
+        elif edge[0] == edge[1]:
+            problem = "transform of a frame to itself ignored"
+        elif edge not in self._counts and len(self._counts) >= MOST_EDGES:
+            problem = f"transforms beyond {MOST_EDGES} pairs of frames ignored"
+        if problem:
+            self.notes.warn(self.path, problem, topic="/tf", at=" > ".join(edge))
+            return None
+        self._names[raw] = edge
+        if edge not in self._counts:
+            self._counts[edge] = 0
             self._parents = None
-        return self._names[raw]
+        return edge
 
     def _add_static(self, edge: Edge, numbers: Numbers) -> None:
         rows, keep, odd = clean(np.array([numbers]))
@@ -169,11 +154,13 @@ class Tree:
             FormatError: the transforms form a loop.
         """
         line = [plain(frame)]
+        seen = set(line)
         while (parent := self.parents.get(line[-1])) is not None:
             line.append(parent)
-            if parent in line[:-1]:
+            if parent in seen:
                 loop = " > ".join(reversed(line[line.index(parent) :]))
                 raise FormatError(self.path, f"the transforms form a loop, {loop}", topic="/tf")
+            seen.add(parent)
         return line
 
     def relatives(self, frame: str) -> list[str]:

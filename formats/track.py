@@ -5,6 +5,7 @@ from __future__ import annotations
 from array import array
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -36,6 +37,35 @@ class Why(IntEnum):
     AFTER = 2
     GAP = 3
     JUMP = 4
+
+
+class Missing(NamedTuple):
+    """Times at which something on the way to a pose is not known.
+
+    Attributes:
+        what: "transform odom > base_link".
+        why: BEFORE, AFTER, GAP or JUMP.
+        bound_ns: its first time for BEFORE, its last for AFTER, 0 where it has none.
+        rows: (k,) which of the asked times; a row is counted once.
+    """
+
+    what: str
+    why: Why
+    bound_ns: int
+    rows: npt.NDArray[np.intp]
+
+
+def missing_of(
+    what: str, known_ns: Times, why: npt.NDArray[np.uint8], wanted: npt.NDArray[np.bool_]
+) -> list[Missing]:
+    """The wanted rows that are not OK, by the reason; `known_ns` are the times that are known."""
+    found = []
+    for kind in (Why.BEFORE, Why.AFTER, Why.GAP, Why.JUMP):
+        rows = np.flatnonzero((why == kind) & wanted)
+        if rows.size:
+            ends = {Why.BEFORE: known_ns[:1], Why.AFTER: known_ns[-1:]}.get(kind, known_ns[:0])
+            found.append(Missing(what, kind, int(ends[0]) if ends.size else 0, rows))
+    return found
 
 
 class Samples:
@@ -100,7 +130,10 @@ class Track:
         numbers, keep, odd = clean(samples.numbers)
         times = clock.times(samples.stamps_ns, samples.logs_ns)
         passes = clock.passes(samples.stamps_ns, samples.logs_ns)
-        keep &= clock.by_log | (samples.stamps_ns >= 0)
+        early = keep & (samples.stamps_ns < 0)
+        if early.any() and not clock.by_log:
+            odd["stamp before 1970 (dropped)"] = int(early.sum())
+            keep &= ~early
         if not np.all(keep):
             times, numbers, passes = times[keep], numbers[keep], passes[keep]
         late = np.diff(times) < 0

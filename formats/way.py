@@ -12,8 +12,8 @@ from formats.clock import Times
 from formats.frame import Pose
 from formats.gathering import Gathered, ScanTimes
 from formats.poses import Source
-from formats.tf import Lookup, Missing, missing_of
-from formats.track import Floats, Why, inverse, matrices
+from formats.tf import Lookup
+from formats.track import Floats, Missing, Why, inverse, matrices, missing_of
 
 BLOCK = 4096  # scans placed at a time, so that memory does not grow with their number
 Rows = npt.NDArray[np.intp]

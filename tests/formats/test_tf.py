@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import pi, sqrt
+from math import pi
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
 from formats.clock import SECOND, Clock
-from formats.errors import FormatError, Notes
+from formats.errors import Notes
 from formats.messages import Numbers, Transform
 from formats.tf import Tree
 from formats.track import Floats, Why
@@ -198,135 +198,6 @@ def test_a_single_sample_that_moves_holds_at_its_time_only() -> None:
     put(tf, "odom", "base", 1.0, numbers(1, 2, 0))
     found = tf.lookup("odom", "base", [SECOND - 1, SECOND, SECOND + 1])
     assert found.valid.tolist() == [False, True, False]
-
-
-def test_a_loop_is_an_error() -> None:
-    tf = tree()
-    for parent, child in (("a", "b"), ("b", "c"), ("c", "a")):
-        put(tf, parent, child, 0.0)
-    with pytest.raises(
-        FormatError, match=r"log.bag: /tf: the transforms form a loop, \w > \w > \w"
-    ):
-        tf.lookup("a", "c", [0])
-
-
-def test_unconnected_frames_are_an_error_that_names_both() -> None:
-    tf = tree()
-    put(tf, "odom", "base", 0.0)
-    with pytest.raises(FormatError, match="no transform odom <- laser"):
-        tf.lookup("odom", "laser", [0])
-
-
-def test_of_two_parents_the_one_with_more_transforms_counts() -> None:
-    tf = tree()
-    put(tf, "footprint", "base", 0.0, numbers(9, 9, 0), static=True)
-    for t in (0.0, 0.5):
-        put(tf, "odom", "base", t, numbers(1, 0, 0))
-    found = tf.lookup("odom", "base", [0])
-    assert found.matrices[0, 0, 3] == 1.0
-    assert problems(tf) == ["log.bag: /tf: base has two parents, footprint and odom"]
-
-
-def test_a_transform_to_itself_and_an_unnamed_one_are_counted() -> None:
-    tf = tree()
-    for _ in range(3):
-        put(tf, "base", "/base", 0.0)
-    put(tf, "", "base", 0.0)
-    assert problems(tf) == [
-        "log.bag: 3 x transform to itself ignored: base",
-        "log.bag: transform of an unnamed frame ignored: base",
-    ]
-    assert not tf.edges
-
-
-def test_bad_numbers_are_dropped_or_normalised_and_counted() -> None:
-    tf = tree()
-    nan = float("nan")
-    x, y, z, qx, qy, qz, qw = numbers(1, 0, 0.4)
-    bad: list[Numbers] = [
-        (x, y, z, 0.0, 0.0, 0.0, 0.0),
-        (x, y, z, qx, qy, nan, qw),
-        (nan, y, z, qx, qy, qz, qw),
-        (1e9, y, z, qx, qy, qz, qw),
-    ]
-    good = [(x, y, z, 1.1 * qx, 1.1 * qy, 1.1 * qz, 1.1 * qw), (x, y, z, qx, qy, qz, qw)]
-    for k, what in enumerate([good[0], *bad, good[1]]):
-        put(tf, "odom", "base", k / 10, what)
-    found = tf.lookup("odom", "base", [SECOND // 4])
-    assert found.valid.all()
-    np.testing.assert_allclose(found.matrices[0, :2, 0], [np.cos(0.4), np.sin(0.4)], atol=1e-12)
-    assert problems(tf) == [
-        "log.bag: /tf: 2 x odom > base: quaternion of zeros or not finite (dropped)",
-        "log.bag: /tf: 2 x odom > base: place not finite or beyond 1e8 m (dropped)",
-        "log.bag: /tf: odom > base: quaternion not of norm 1 (normalised)",
-    ]
-
-
-def test_a_bad_static_transform_does_not_count() -> None:
-    tf = tree()
-    put(tf, "base", "laser", 0.0, (0, 0, 0, 0, 0, 0, 0), static=True)
-    put(tf, "base", "laser", 0.0, (0, 0, 0, 0, 0, sqrt(0.5), sqrt(0.5)), static=True)
-    found = tf.lookup("base", "laser", [0])
-    np.testing.assert_allclose(found.matrices[0, :2, 0], [0, 1], atol=1e-12)
-    assert len(problems(tf)) == 1
-
-
-def test_slashes_are_stripped() -> None:
-    tf = tree()
-    put(tf, "/odom", "/base", 0.0, numbers(1, 0, 0))
-    put(tf, "odom", "base", 1.0, numbers(2, 0, 0))
-    assert tf.lookup("/odom", "base", [SECOND // 2]).matrices[0, 0, 3] == 1.5
-    assert tf.edges == {("odom", "base"): 2}
-
-
-def test_of_samples_at_one_time_the_first_counts_and_others_are_noted() -> None:
-    tf = tree()
-    for t, x in ((0.0, 0), (0.1, 0.1), (0.1, 0.1), (0.1, 0.9), (0.2, 0.2)):
-        put(tf, "odom", "base", t, numbers(x, 0, 0))
-    found = tf.lookup("odom", "base", [SECOND // 10])
-    assert found.matrices[0, 0, 3] == pytest.approx(0.1)
-    what = "odom > base: another value at the same time (first one kept)"
-    assert problems(tf) == [f"log.bag: /tf: {what}"]
-
-
-def test_samples_out_of_order_are_sorted_and_counted() -> None:
-    tf = tree()
-    for t in (0.0, 0.2, 0.1, 0.3):
-        put(tf, "odom", "base", t, numbers(t, 0, 0))
-    found = tf.lookup("odom", "base", [round(0.15 * SECOND)])
-    assert found.matrices[0, 0, 3] == pytest.approx(0.15)
-    assert problems(tf) == ["log.bag: /tf: odom > base: out of order (sorted)"]
-
-
-def test_passes_with_the_same_stamps_are_not_mixed() -> None:
-    tf = tree()
-    stamps, logs = [], []
-    for again in (0, 1):
-        for k in range(30):
-            stamp, log = k * SECOND // 10, (again * 40 + k) * SECOND // 10
-            what = numbers(0.01 * k, 5.0 * again, 0)
-            tf.add([Transform(stamp, "odom", "base", what)], log, static=False)
-            stamps.append(stamp)
-            logs.append(log)
-    clock = Clock.of(np.array(stamps), np.array(logs))
-    tf.settle(clock)
-    times = clock.times(np.array(stamps), np.array(logs))
-    assert times.tolist() == logs  # the second pass goes on as the log times do
-    found = tf.lookup("odom", "base", times + SECOND // 20)
-    expected = [True] * 29 + [False] + [True] * 29 + [False]
-    assert found.valid.tolist() == expected
-    y = found.matrices[found.valid, 1, 3]
-    assert y.tolist() == [0.0] * 29 + [5.0] * 29
-
-
-def test_forgotten_edges_are_those_that_lead_nowhere() -> None:
-    tf = tree()
-    for child in ("wheel", "laser"):
-        put(tf, "base", child, 0.0)
-    put(tf, "odom", "base", 0.0)
-    tf.forget({"laser"})
-    assert tf.lookup("odom", "laser", [0]).valid.all()
-    assert not tf.lookup("base", "wheel", [0]).valid.any()
 
 
 def test_many_lookups_are_quick_enough_for_a_long_log() -> None:
