@@ -20,6 +20,7 @@ from formats.mcap_records import CHUNK, DATA_END, FOOTER, HEADER, MESSAGE, Buffe
 
 CHUNK_HEAD = struct.Struct("<QQQII")  # start, end, size, CRC, length of the compression's name
 MESSAGE_HEAD = 22  # bytes of a message before its payload
+SHRUNK = "the file was cut while it was read"
 LARGEST_MESSAGE = 1 << 32
 TOP = frozenset({HEADER, FOOTER, CHUNK, DATA_END})  # where a run of plain records ends
 RUN_BYTES = 4 << 20
@@ -91,6 +92,8 @@ def load(data: memoryview, block: Block, max_chunk: int) -> Loaded:
     A chunk whose CRC does not match gives nothing; one that is cut, or damaged without a CRC to
     tell, gives what comes before the damage.
     """
+    if isinstance(data.obj, mmap.mmap) and data.obj.size() < block.stop:
+        return Loaded(b"", SHRUNK, lost=True)  # to touch its pages would end the process
     packed = data[block.start : block.stop]
     if block.run:
         return Loaded(packed)

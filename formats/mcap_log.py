@@ -15,7 +15,7 @@ import numpy.typing as npt
 from formats.compression import crc32
 from formats.errors import FormatError, Notes
 from formats.log import Message, Topic
-from formats.mcap_blocks import Block, Entries, Loaded, entries, walk_block
+from formats.mcap_blocks import SHRUNK, Block, Entries, Loaded, entries, walk_block
 from formats.mcap_losses import UNDEFINED, note_chunk
 from formats.mcap_merge import merged
 from formats.mcap_parse import MAX_CHUNK, MalformedError, parse
@@ -120,9 +120,11 @@ class McapLog:
 
     def _index(self, block: Block, chunk: Loaded) -> Entries:
         """All messages of a block; what it lost is counted when it is opened first."""
+        if chunk.problem == SHRUNK:
+            self._notes.lose(self.path, SHRUNK, at=f"byte {block.at}")
         walked = walk_block(chunk.data, 0, len(chunk.data))
         found = entries(chunk.data, walked.messages)
-        if block.at in self._unseen:
+        if block.at in self._unseen and chunk.problem != SHRUNK:
             self._unseen.remove(block.at)
             part = self._contents.parts[block.part]
             lost = note_chunk(self.path, self._data, self._notes, part, block, chunk, found, walked)

@@ -242,6 +242,19 @@ def test_a_file_that_grows_is_read_as_far_as_it_was(tmp_path: Path) -> None:
     assert len(read(open_file(path, Notes()))) == 200
 
 
+@pytest.mark.parametrize("features", [ALL, {"ch"}, set()])
+def test_a_file_that_shrinks_is_a_counted_loss(features: set[str], tmp_path: Path) -> None:
+    path = save(tmp_path, file_of(range(20_000), features=features).finish())
+    notes = Notes()
+    log = open_file(path, notes)
+    os.truncate(path, 100_000)
+    found = read(log)
+    assert found == sorted(found, key=lambda item: item[1])
+    assert len(found) < 40_000
+    assert notes.total("lost") > 0
+    assert {note.problem for note in notes} == {"the file was cut while it was read"}
+
+
 @pytest.mark.parametrize("name", ["-dash.mcap", "no extension", "log.bag", "ü\n.txt"])
 def test_names_do_not_matter(name: str, tmp_path: Path) -> None:
     path = save(tmp_path, file_of([1, 2]).finish(), name)
