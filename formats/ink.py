@@ -84,7 +84,7 @@ def has_light_ink(grey: Grey) -> bool:
     total = int(cv2.countNonZero(light))
     if not 0 < total < 0.5 * light.size:
         return False
-    side = max(3, max(grey.shape) // 50)
-    core = cv2.erode(light, np.ones((side, side), np.uint8), borderValue=0)
-    kept = cv2.countNonZero(cv2.dilate(core, np.ones((side, side), np.uint8)))
-    return kept < 0.3 * total
+    square = np.ones(2 * [max(3, max(grey.shape) // 50)], np.uint8)
+    cv2.erode(light, square, dst=light, borderValue=0)
+    cv2.dilate(light, square, dst=light)
+    return cv2.countNonZero(light) < 0.3 * total

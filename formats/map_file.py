@@ -131,13 +131,11 @@ def write_map(
     text = Path(f"{stem}.yaml")
     seen = np.ones(grid.geometry.shape, dtype=np.bool_) if observed is None else observed
     sources = list(inputs)
-    with (
-        atomic(image, force=force, inputs=sources) as image_part,
-        atomic(text, force=force, inputs=sources) as text_part,
-    ):
-        encode = _trinary if mode == "trinary" else _scale
+    encode = _trinary if mode == "trinary" else _scale
+    with atomic(image, force=force, inputs=sources) as image_part:
         image_part.write_bytes(encode(grid, seen, fill_prior))
-        text_part.write_text(_yaml_text(image.name, grid, mode, frame), encoding="utf-8")
+        with atomic(text, force=force, inputs=sources) as text_part:
+            text_part.write_text(_yaml_text(image.name, grid, mode, frame), encoding="utf-8")
     return image, text
 
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 MAX_PIXELS = 200_000_000
-MAX_BYTES = 640_000_000  # decoded; keeps a small file that unpacks to much under 1 GB in all
+MAX_BYTES = 420_000_000  # decoded; cv2 holds a PNG twice, and all shall stay under 1 GB
 EXIF = b"Exif\x00\x00"
 
 
@@ -48,8 +48,11 @@ class Header:
     pages: int = 1
     clear: int | None = None
 
-    def check_size(self) -> None:
+    def check_size(self, *, colour: bool = True) -> None:
         """Refuse what would not fit into memory.
+
+        Args:
+            colour: False: colours that have no opacity are decoded to grey at once.
 
         Raises:
             PictureError: over MAX_PIXELS, over MAX_BYTES decoded, or no pixel at all.
@@ -60,9 +63,9 @@ class Header:
             raise PictureError(f"the picture claims {size}")
         if pixels > MAX_PIXELS:
             raise PictureError(f"{size} is over the limit of {MAX_PIXELS:,}", "scale it down")
-        needed = pixels * self.channels * ((self.depth + 7) // 8)
-        if needed > MAX_BYTES:
-            problem = f"{size} of {self.channels} x {self.depth} bits is over the limit"
+        channels = self.channels if colour or self.alpha else 1
+        if pixels * channels * ((self.depth + 7) // 8) > MAX_BYTES:
+            problem = f"{size} of {self.channels} x {self.depth} bits are over the limit"
             raise PictureError(f"{problem} of {MAX_BYTES // 10**6} MB", "save it in grey")
 
 
@@ -170,7 +173,7 @@ def read_tiff(data: bytes) -> Header:
     if depth > 16:
         raise PictureError(f"TIFF samples of {depth} bits are not read", "save it with 8 or 16")
     header = Header("TIFF", width, height, channels, depth, alpha, pages=2 if following else 1)
-    header.check_size()  # before the file is called cut
+    header.check_size(colour=False)  # before the file is called cut
     for offsets, sizes in ((273, 279), (324, 325)):
         pairs = zip(tags.get(offsets, ()), tags.get(sizes, ()), strict=False)
         if any(start + size > len(data) for start, size in pairs):
@@ -233,7 +236,7 @@ def read_bmp(data: bytes) -> Header:
     width, height, _, bits, packing = struct.unpack_from("<iiHHI", data, 18)
     width, height = abs(width), abs(height)
     header = Header("BMP", width, height, 4 if bits == 32 else 3, 8)
-    header.check_size()  # before the file is called cut
+    header.check_size(colour=False)  # before the file is called cut
     if packing == 0 and start + ((width * bits + 31) // 32) * 4 * height > len(data):
         raise cut(len(data))
     return header

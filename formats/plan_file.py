@@ -241,7 +241,9 @@ def open_raster(
             notes.warn(path, "its EXIF turn is ignored, since a map yaml holds for the stored rows")
         occupancy = cells_of(path, raster, values, notes)
         return raster.grey(upright=False), occupancy
-    return drawn(path, paper_grey(path, raster, notes), invert, notes)
+    grey = paper_grey(path, raster, notes)
+    del raster  # several times the size of the grey
+    return drawn(path, grey, invert, notes)
 
 
 OPENERS: tuple[tuple[Callable[[bytes], bool], Opener], ...] = ((is_picture, open_raster),)

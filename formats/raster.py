@@ -122,7 +122,7 @@ def read_raster(path: AnyPath, data: bytes, notes: Notes, *, colour: bool = True
         if re.match(rb"P[25][\s#]", data):
             return read_pgm(path, data, notes)
         header = _header(data)
-        header.check_size()
+        header.check_size(colour=colour)
         pixels, remarks = _decode(data, header, colour)
     except PictureError as error:
         raise FormatError(path, error.problem, hint=error.hint) from None

@@ -222,6 +222,16 @@ def test_the_limit_is_200_megapixels() -> None:
         Header("PNG", MAX_PIXELS // 10 + 1, 10, 1, 8).check_size()
 
 
+def test_the_limit_counts_bytes_too() -> None:
+    """14,000 x 14,000 in colour: 588 MB decoded, but 196 MB as grey; opacity cannot be left out."""
+    colours = Header("PNG", 14_000, 14_000, 3, 8)
+    colours.check_size(colour=False)
+    with pytest.raises(PictureError, match=r"3 x 8 bits are over the limit of 420 MB"):
+        colours.check_size()
+    with pytest.raises(PictureError, match="4 x 8 bits"):
+        Header("PNG", 14_000, 14_000, 4, 8, alpha=True).check_size(colour=False)
+
+
 CUTTABLE = {
     "png": png(NOISE),
     "pgm": pgm(NOISE),
