@@ -173,7 +173,16 @@ def sources(gathered: Gathered, scans: ScanTimes, wishes: Wishes) -> list[Source
                 continue
             base = base_of(tree, names, child=poses.child)
             add(Source(kind_of(poses), topic, frame, base))
-    return sorted(found, key=lambda source: KINDS.index(source.kind))
+    found.sort(key=lambda source: KINDS.index(source.kind))
+    return [_carried(source, found) for source in found]
+
+
+def _carried(source: Source, found: list[Source]) -> Source:
+    """Poses of amcl come seldom: odometry of the same body carries them."""
+    if source.kind != "amcl_pose":
+        return source
+    carriers = (s for s in found if not s.in_map and s.base_frame == source.base_frame)
+    return replace(source, carrier=next(carriers, None))
 
 
 def ways(gathered: Gathered, scans: ScanTimes, clock: Clock, wishes: Wishes) -> list[Way]:

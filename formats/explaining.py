@@ -37,7 +37,10 @@ def tell_choice(
     notes, path, source = gathered.notes, gathered.log.path, way.source
     used = int((keep & way.valid).sum())
     kind, choice = scans.topic.type.rsplit("/", 1)[-1], described(way)
-    chain = f"{source} > {choice.sensor_frame or '(unnamed)'}"
+    chain = str(source)
+    if choice.sensor_frame != source.base_frame:
+        chain += f" > {choice.sensor_frame or '(unnamed)'}"
+    chain += f", carried by {source.carrier}" if source.carrier else ""
     what = f"{source.topic.type.rsplit('/', 1)[-1]}, " if source.topic else ""
     why = f"poses from {chain} ({what}{used} of {len(scans)} scans)"
     why += f": {'as asked for' if asked else WHY[source.kind]}"

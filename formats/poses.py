@@ -27,12 +27,14 @@ class Source:
         topic: None for tf.
         map_frame: the frame that the poses are in.
         base_frame: what is posed, "" where nothing says so.
+        carrier: odometry that carries the body between the seldom poses of amcl.
     """
 
     kind: Kind
     topic: Topic | None
     map_frame: str
     base_frame: str
+    carrier: Source | None = None
 
     @property
     def in_map(self) -> bool:

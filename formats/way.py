@@ -4,17 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from formats.clock import Times
+from formats.clock import SECOND, Times
 from formats.frame import Pose
 from formats.gathering import Gathered, ScanTimes
+from formats.log import Topic
 from formats.poses import Source
 from formats.tf import Lookup
-from formats.track import Floats, Missing, Why, inverse, matrices, missing_of
+from formats.track import (
+    Floats,
+    Missing,
+    Track,
+    Why,
+    breaks,
+    inverse,
+    matrices,
+    missing_of,
+)
 
+DRIFT_GAP_NS = 60 * SECOND  # odometry is trusted for so long between two poses in the map
 BLOCK = 4096  # scans placed at a time, so that memory does not grow with their number
 Rows = npt.NDArray[np.intp]
 
@@ -98,14 +110,47 @@ class Way:
 
     def body(self, moments_ns: Times) -> Lookup:
         """The robot's body in the map frame."""
-        moments, tree = moments_ns - self.delay_ns, self.gathered.tree
-        if self.source.topic is None:
-            return tree.lookup(self.source.map_frame, self.source.base_frame, moments)
-        track = self.gathered.poses[self.source.topic].track(tree.clock, tree.max_gap_ns)
-        numbers, why = track.at(moments)
-        what = f"pose on {self.source.topic.name}"
-        missing = missing_of(what, track.times_ns, why, np.ones(len(moments), dtype=bool))
+        moments = moments_ns - self.delay_ns
+        if self.source.carrier is None:
+            return self._body(self.source, moments)
+        carried = self._body(self.source.carrier, moments)
+        numbers, why = self._correction.at(moments)
+        what = f"pose on {self.source.topic.name if self.source.topic else 'tf'}"
+        missing = missing_of(what, self._correction.times_ns, why, carried.valid)
+        placed = matrices(numbers) @ carried.matrices
+        return Lookup(placed, carried.valid & (why == Why.OK), carried.missing + missing)
+
+    def _body(self, source: Source, moments_ns: Times) -> Lookup:
+        tree = self.gathered.tree
+        if source.topic is None:
+            return tree.lookup(source.map_frame, source.base_frame, moments_ns)
+        track = self._track(source.topic)
+        numbers, why = track.at(moments_ns)
+        everywhere = np.ones(len(moments_ns), dtype=bool)
+        missing = missing_of(f"pose on {source.topic.name}", track.times_ns, why, everywhere)
         return Lookup(matrices(numbers), why == Why.OK, missing)
+
+    def _track(self, topic: Topic) -> Track:
+        tree = self.gathered.tree
+        return self.gathered.poses[topic].track(tree.clock, tree.max_gap_ns)
+
+    @cached_property
+    def _correction(self) -> Track:
+        """Where the odometry's origin lies in the map, at each of the seldom poses.
+
+        It changes as slowly as odometry drifts, so that it holds where the robot has driven on.
+        """
+        assert self.source.topic is not None
+        assert self.source.carrier is not None
+        track = self._track(self.source.topic)
+        carried = self._body(self.source.carrier, track.times_ns)
+        known = carried.valid
+        placed = matrices(track.numbers[known]) @ inverse(carried.matrices[known])
+        x, y, yaw = flat(placed).T
+        zero = np.zeros_like(x)
+        numbers = np.stack([x, y, zero, zero, zero, np.sin(yaw / 2), np.cos(yaw / 2)], axis=1)
+        times = track.times_ns[known]
+        return Track(times, numbers, breaks(times, numbers, DRIFT_GAP_NS), {})
 
     def mount(self, rows: Rows) -> Lookup:
         """The sensor on the body at each scan, by the frame that the scan names."""

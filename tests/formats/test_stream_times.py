@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import pi
 from typing import Any
 
 import numpy as np
@@ -92,7 +93,7 @@ def test_scans_out_of_order_are_sorted_and_repeated_ones_dropped() -> None:
     assert [frame.scan.ranges[0] for frame in made] == [0, 1, 2, 3, 4, 5, 6, 7]
     assert [frame.pose.x for frame in made] == pytest.approx([k / 10 for k in range(8)])
     assert problems(log) == [
-        "memory: /scan: same stamp as the scan before at 0.50 s",
+        "memory: /scan: same stamp as the scan before at 0.60 s",
         "memory: /scan: scan out of order (sorted)",
     ]
 
@@ -258,3 +259,28 @@ def test_scans_of_a_second_frame_have_its_pose() -> None:
     assert log.happened[8][1] == "/scan"
     assert sorted(found.poses[3:4, 0] - 0.15) == pytest.approx([-0.2])
     assert problems(log) == ["memory: /scan: another frame than the first scan: laser, other"]
+
+
+def test_odometry_carries_the_seldom_poses_of_amcl() -> None:
+    """A square corner between two poses of amcl, 8 s apart; odometry is off by a turn of 90 deg."""
+    log = RosLog()
+    for k in range(101):
+        t = k / 10
+        x, y = min(t, 5.0), max(t - 5.0, 0.0)
+        log.tf(t, "odom", "laser", (x, y, 0.0))
+        log.scan(t, BEAMS)
+        if k in (10, 90):
+            log.amcl_pose(t, (7.0 - y, 2.0 + x, pi / 2))
+    found, notes = surveyed(log)
+    assert found.choice.source.kind == "amcl_pose"
+    assert len(found) == 81
+    corner = found.poses[40]  # at 5 s
+    assert corner.tolist() == pytest.approx([7.0, 7.0, pi / 2])
+    assert notes == [
+        "memory: /scan: 10 x no pose on /amcl_pose before 1.00 s (first at 0.00 s)",
+        "memory: /scan: 10 x no pose on /amcl_pose after 9.00 s (first at 9.10 s)",
+    ]
+    assert found.choice.reasons[1] == (
+        "poses from /amcl_pose map > laser, carried by tf odom > laser "
+        "(PoseWithCovarianceStamped, 81 of 101 scans): tf knows no map frame, no other topic the pose"
+    )
