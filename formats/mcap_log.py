@@ -91,16 +91,16 @@ class McapLog:
     def topics(self) -> list[Topic]:
         """Every topic, sorted by name and type; publishers of one topic are taken together."""
         found = {topic for table in self._tables for topic in table.values()}
-        return sorted(found, key=lambda topic: (topic.name, topic.type, topic.encoding))
+        return sorted(found, key=_kind)
 
     def messages(self, topics: Collection[Topic] | None = None) -> Iterator[Message]:
         """The messages of these topics (None: all), sorted by log time, file order where equal.
 
         Chunks without any of the topics are not opened where the file has an index.
         """
-        chosen = set(self.topics() if topics is None else topics)
+        chosen = {_kind(topic) for topic in (self.topics() if topics is None else topics)}
         tables = [
-            {channel: topic for channel, topic in table.items() if topic in chosen}
+            {channel: topic for channel, topic in table.items() if _kind(topic) in chosen}
             for table in self._tables
         ]
         blocks = [
@@ -174,6 +174,11 @@ class McapLog:
         with suppress(BufferError):
             self._data.release()
             self._pages.close()
+
+
+def _kind(topic: Topic) -> tuple[str, str, str]:
+    """What makes a topic one: another reader may know other counts of it."""
+    return topic.name, topic.type, topic.encoding
 
 
 def _checked(content: memoryview) -> int:
