@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formats.choice import Choice, described
-from formats.clock import Times
+from formats.clock import SECOND, Times
 from formats.errors import FormatError
 from formats.gathering import Gathered, ScanTimes
 from formats.poses import Kind
@@ -70,12 +70,11 @@ def tell_missing(
 ) -> None:
     """Count the scans without a pose by what is missing; an error where no scan has one."""
     notes, path, name = gathered.notes, gathered.log.path, scans.topic.name
-    apart = apart_s(scans, _moving(gathered, way))
-    hint = "give --sensor-pose X,Y,YAW or record /tf_static"
-    if abs(apart) > APART_S:
-        hint = (
-            f"the clocks of scans and poses are {abs(apart):.2f} s apart: --pose-delay {apart:.2f}"
-        )
+    apart = apart_s(scans, _moving(gathered, way), way.delay_ns)
+    clocks = (
+        f"the clocks of scans and poses seem {abs(apart):.2f} s apart: "
+        f"try --pose-delay {apart + way.delay_ns / SECOND:.2f}"
+    )
     lost = keep & ~way.valid
     none = not (keep & way.valid).any()
     for gap in sorted(way.missing, key=lambda gap: -len(gap.rows)):
@@ -93,11 +92,16 @@ def tell_missing(
             problem += f" {side} {seconds(gap.bound_ns, zero)}"
         at = seconds(times[rows[0]], zero)
         if none:
+            hint = "the poses do not cover the scans: compare their times with `replay info`"
+            if "<-" in gap.what:
+                hint = "give --sensor-pose X,Y,YAW or record /tf_static"
+            elif abs(apart) > APART_S:
+                hint = clocks
             share = f"({rows.size} of {len(scans)} scans)"
             raise FormatError(path, problem, topic=name, at=f"{at} {share}", hint=hint)
         notes.skip(path, problem, topic=name, at=at, count=int(rows.size))
     if abs(apart) > APART_S:
-        notes.warn(path, hint, topic=name)
+        notes.warn(path, clocks, topic=name)
 
 
 def _moving(gathered: Gathered, way: Way) -> Samples | None:

@@ -50,16 +50,17 @@ def lag_s(stamps_ns: Times, logs_ns: Times) -> float:
     return float(np.median(logs_ns - stamps_ns)) / SECOND if len(stamps_ns) else 0.0
 
 
-def apart_s(scans: ScanTimes, samples: Samples | None) -> float:
+def apart_s(scans: ScanTimes, samples: Samples | None, delay_ns: int = 0) -> float:
     """What to add to the stamps of poses so that they agree with those of the scans, by log times.
 
-    0 where log times cannot tell.
+    0 where log times cannot tell; `delay_ns` has been added already.
     """
     if samples is None or len(samples) < 2 or len(scans) < 2:
         return 0.0
     if samples.logs_ns[0] == samples.logs_ns[-1] or not samples.stamps_ns.any():
         return 0.0
-    return lag_s(samples.stamps_ns, samples.logs_ns) - lag_s(scans.stamps_ns, scans.logs_ns)
+    lag = lag_s(samples.stamps_ns, samples.logs_ns) - delay_ns / SECOND
+    return lag - lag_s(scans.stamps_ns, scans.logs_ns)
 
 
 def sift(

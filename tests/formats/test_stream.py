@@ -7,12 +7,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Pose
+from formats.log import Message
 from formats.stream import frames, open_log, survey
 from tests.drives import BEAMS, drive, points, surveyed
-from tests.ros_logs import START_NS, RosLog
+from tests.ros_logs import START_NS, MemoryLog, RosLog
 
 SECOND = 1_000_000_000
 
@@ -53,6 +56,46 @@ def test_what_a_run_needs_to_know_beforehand() -> None:
     assert found.limit == 10.0
     assert len(found) == 20
     assert [f.time_ns for f in found.frames()] == [f.time_ns for f in found.frames()]
+
+
+def small() -> list[Message]:
+    log = drive(steps=5, time_increment=0.01)
+    log.amcl_pose(0.1, (1.0, 2.0, 3.0))
+    log.pose(0.2, "/pose", (1.0, 2.0, 3.0))
+    log.odometry(0.3, (1.0, 2.0, 3.0))
+    return log.opened()._messages
+
+
+SMALL = small()
+damage = st.tuples(st.integers(0, len(SMALL) - 1), st.integers(0, 10_000), st.integers(0, 255))
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.lists(damage, min_size=1, max_size=12), st.booleans())
+def test_damaged_payloads_give_frames_or_one_line(
+    hits: list[tuple[int, int, int]], cut: bool
+) -> None:
+    messages = list(SMALL)
+    for number, place, value in hits:
+        data = bytearray(messages[number].data)
+        if data and cut and value < 20:
+            del data[place % len(data) :]
+        elif data:
+            data[place % len(data)] = value
+        messages[number] = messages[number]._replace(data=bytes(data))
+    said, made = "", []
+    try:
+        found = survey(MemoryLog(messages), Notes())
+        made = list(found.frames())
+    except FormatError as error:
+        said = str(error)
+    assert "\n" not in said
+    assert bool(made) != bool(said)
+    if made:
+        assert len(made) <= len(found) <= found.total
+        assert np.isfinite(found.poses).all()
+        assert np.abs(found.poses).max() < 2e8
+        assert all(len(frame.scan.bearings) == len(frame.scan.ranges) for frame in made)
 
 
 JARVIS = "bags/crob_lab/jarvis_circular_path_fast.bag"
