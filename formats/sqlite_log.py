@@ -85,6 +85,10 @@ class SqliteLog:
         else:
             try:
                 rows = SqlRows(self._source, not beside, self._longest)
+                self._rows = rows
+                if beside and (pages := rows.uncommitted()):
+                    problem = f"{pages} pages of its write-ahead log are damaged or unfinished"
+                    self._notes.lose(self.path, problem)
             except DamagedError as error:
                 rows = self._damaged(error)
             except ValueError as error:
@@ -139,6 +143,8 @@ class SqliteLog:
             self._notes.lose(self.path, problem, count=rows.counts[number])
         if isinstance(rows, SqlRows) and rows.odd:
             self._notes.lose(self.path, "messages without a time or topic", count=rows.odd)
+        if isinstance(rows, SqlRows) and rows.gaps > 0:
+            self._notes.warn(self.path, f"{rows.gaps} message numbers are not there")
         return found
 
     @property

@@ -46,18 +46,19 @@ class Pages:
         buffer: the file, beginning with its header.
 
     Raises:
-        ValueError: the header's page size is none.
+        ValueError: the header is cut or damaged.
     """
 
     def __init__(self, buffer: memoryview) -> None:
+        if len(buffer) < 100:
+            raise ValueError("its header is cut")
         self.buffer = buffer
         size: int = u16(buffer, 16)[0]
         self.size = 65536 if size == 1 else size
-        if self.size < 512 or self.size & (self.size - 1) or len(buffer) < 100:
+        if self.size < 512 or self.size & (self.size - 1) or buffer[20] > 32:
             raise ValueError(f"page size {size}")
         self.usable = self.size - buffer[20]
-        self.count = len(buffer) // self.size
-        self.said: int = u32(buffer, 28)[0]
+        self.count = -(-len(buffer) // self.size)  # the last may be cut
 
     def tables(self) -> dict[str, int]:
         """Root page by table name, from the schema on page 1."""
@@ -87,36 +88,41 @@ class Pages:
             if page in seen or not 1 <= page <= self.count:
                 continue
             seen.add(page)
-            head = self._head(page)
-            if self.buffer[head] == LEAF:
+            here, head = self._page(page)
+            if here[head] == LEAF:
                 yield page
-            elif self.buffer[head] == INTERIOR:
-                base = (page - 1) * self.size
-                waiting.append(u32(self.buffer, head + 8)[0])
-                cells = min(u16(self.buffer, head + 3)[0], (self.usable - 112) // 2)
-                for number in reversed(range(cells)):
-                    cell = base + u16(self.buffer, head + 12 + 2 * number)[0]
-                    if cell + 4 <= base + self.size:
-                        waiting.append(u32(self.buffer, cell)[0])
+            elif here[head] == INTERIOR:
+                waiting.append(u32(here, head + 8)[0])
+                for number in reversed(range(self._cells(here, head))):
+                    cell = u16(here, head + 12 + 2 * number)[0]
+                    if cell + 4 <= self.size:
+                        waiting.append(u32(here, cell)[0])
 
-    def _head(self, page: int) -> int:
-        return 100 if page == 1 else (page - 1) * self.size
+    def _page(self, page: int) -> tuple[bytes, int]:
+        """A page's bytes and where its header begins; what a cut took reads as zeros."""
+        base = (page - 1) * self.size
+        here = bytes(self.buffer[base : base + self.size])
+        return here.ljust(self.size, b"\0"), 100 if page == 1 else 0
+
+    def _cells(self, here: bytes, head: int) -> int:
+        return min(int(u16(here, head + 3)[0]), (self.size - 112) // 2)
 
     def is_leaf(self, page: int) -> bool:
         """Whether a page is a leaf of a table."""
-        return self.buffer[self._head(page)] == LEAF
+        place = 100 if page == 1 else (page - 1) * self.size
+        return self.buffer[place] == LEAF
 
     def cells(self, page: int) -> Iterator[Cell]:
         """The rows of a leaf page whose records begin on it."""
-        base, head = (page - 1) * self.size, self._head(page)
-        here = bytes(self.buffer[base : base + self.size])
-        for number in range(min(u16(here, head - base + 3)[0], (self.usable - 108) // 2)):
+        here, head = self._page(page)
+        base = (page - 1) * self.size
+        for number in range(self._cells(here, head)):
             try:
-                size, pos = _varint(here, u16(here, head - base + 8 + 2 * number)[0])
+                size, pos = _varint(here, u16(here, head + 8 + 2 * number)[0])
                 rowid, pos = _varint(here, pos)
             except IndexError:
                 continue
-            if size > 0 and pos < self.usable:
+            if size > 0 and pos + self.local(size) <= self.usable:
                 yield Cell(rowid, size, base + pos)
 
     def local(self, size: int) -> int:

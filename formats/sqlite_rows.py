@@ -7,6 +7,7 @@ import sqlite3
 from collections import Counter
 from collections.abc import Collection, Iterator
 from contextlib import closing
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,8 @@ class SqlRows:
         topics: rows of id, name, type, serialization_format[, offered_qos_profiles].
         definitions: rows of id, topic_type, encoding, encoded_message_definition.
         counts: messages by topic_id.
+        odd: messages whose time or topic is no number.
+        gaps: numbers from 1 that no message has.
         span: first and last timestamp.
 
     Raises:
@@ -41,6 +44,7 @@ class SqlRows:
     """
 
     def __init__(self, path: Path, immutable: bool, longest: int) -> None:
+        self._path = path
         mode = "mode=ro&immutable=1" if immutable else "mode=rw"
         try:
             self._db = sqlite3.connect(f"{path.absolute().as_uri()}?{mode}", uri=True)
@@ -105,6 +109,7 @@ class SqlRows:
         """Count the messages in one pass over the table, which also shows whether it is sorted."""
         self.counts: Counter[int] = Counter()
         self.odd = 0
+        self.gaps = 0
         first, last, latest, number = None, None, None, None
         self._sorted = True
         for batch in self._batches(
@@ -115,6 +120,7 @@ class SqlRows:
             numbers = np.array([row[0] for row in batch], dtype=np.int64)
             if (np.diff(numbers) <= 0).any() or (number is not None and numbers[0] <= number):
                 raise DamagedError("the table of messages goes in circles")
+            self.gaps += int(numbers[-1]) - (number or 0) - len(batch)
             number = int(numbers[-1])
             if not sound:
                 continue
@@ -184,6 +190,19 @@ class SqlRows:
         for at in range(0, len(table), BATCH):
             for number in table[at : at + BATCH, 1].tolist():
                 yield from self._db.execute(query, (number,))
+
+    def uncommitted(self) -> int:
+        """Pages of this file's write-ahead log that belong to no sound, finished transaction."""
+        place = Path(f"{self._path}-wal")
+        page = self._db.execute("PRAGMA page_size").fetchone()[0]
+        with place.open("rb") if place.is_file() else BytesIO() as file:
+            head = file.read(32)
+            written = 0
+            while len(frame := file.read(24)) == 24 and frame[8:16] == head[16:24]:
+                written += 1
+                file.seek(page, 1)
+        sound = self._db.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchone()[1]
+        return max(0, written - max(0, int(sound)))
 
     def close(self) -> None:
         """Give the file back."""

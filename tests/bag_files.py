@@ -6,10 +6,10 @@ import bz2
 import random
 import sqlite3
 import struct
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import lz4.frame
 
@@ -23,12 +23,6 @@ class Raw(tuple[str, int, bytes]):
 
     def __new__(cls, topic: str, time: int, data: bytes) -> Raw:
         return super().__new__(cls, (topic, time, data))
-
-
-class Opener(Protocol):
-    """A reader module's `open_file`."""
-
-    def __call__(self, path: Path, notes: Any, /) -> Log: ...
 
 
 def raws(log: Log, names: Iterable[str] | None = None) -> list[Raw]:
@@ -278,7 +272,11 @@ def write_db3(
 
 
 def write_metadata(
-    folder: Path, parts: Sequence[str], total: int, more: str = "", **fields: object
+    folder: Path,
+    parts: Sequence[str],
+    total: int,
+    more: str = "",
+    fields: Mapping[str, object] | None = None,
 ) -> None:
     """A metadata.yaml; `fields` replace its first-level values."""
     values: dict[str, object] = {
@@ -288,7 +286,7 @@ def write_metadata(
         "compression_format": '""',
         "compression_mode": '""',
         "relative_file_paths": "[" + ", ".join(parts) + "]",
-    } | fields
+    } | dict(fields or {})
     text = "rosbag2_bagfile_information:\n"
     text += "".join(f"  {name}: {value}\n" for name, value in values.items())
     (folder / "metadata.yaml").write_text(text + more, encoding="utf-8")
