@@ -5,6 +5,7 @@ from __future__ import annotations
 from array import array
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
+from functools import partial
 from math import inf, isfinite
 from typing import Any
 
@@ -20,11 +21,18 @@ from formats.sensing import SENSORS
 from formats.tf import Tree, plain
 from formats.track import Samples, Track
 
-TF_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+TF_TYPES = (
+    "tf2_msgs/msg/TFMessage",
+    "tf/msg/tfMessage",
+    "geometry_msgs/msg/TransformStamped",
+    "foxglove.FrameTransform",
+    "foxglove.FrameTransforms",
+)
 POSE_TYPES = (
     "geometry_msgs/msg/PoseStamped",
     "geometry_msgs/msg/PoseWithCovarianceStamped",
     "nav_msgs/msg/Odometry",
+    "foxglove.PoseInFrame",
 )
 LAST_NS = (1 << 63) - 1  # log times are unsigned 64-bit in MCAP
 MANY = 1_000_000  # samples of transforms, beyond which those that lead nowhere are dropped
@@ -34,6 +42,11 @@ def decoder_of(topic: Topic) -> Callable[[bytes | memoryview], Any] | None:
     """What reads the payloads of a topic, None where nothing does."""
     if topic.encoding in ("ros1", "cdr") and topic.type in DECODERS:
         return decoder(topic)
+    if topic.encoding in ("protobuf", "json"):
+        from formats import foxglove
+
+        if topic.type in foxglove.DECODERS:
+            return partial(foxglove.decode, topic)
     return None
 
 
@@ -166,9 +179,7 @@ class Gathered:
         return first - late if 0 <= late < 86_400 * SECOND else first
 
 
-def gather(
-    log: Log, notes: Notes, scans: Collection[Topic], poses: Collection[Topic], tf: bool = True
-) -> Gathered:
+def gather(log: Log, notes: Notes, scans: Collection[Topic], poses: Collection[Topic]) -> Gathered:
     """Read transforms, poses and the times of scans in one pass.
 
     Args:
@@ -176,11 +187,10 @@ def gather(
         notes: where undecodable messages are counted.
         scans: topics of a type in SENSORS.
         poses: topics of a type in POSE_TYPES.
-        tf: read transforms, too.
     """
     path = log.path
     tree = Tree(path, notes)
-    trees = [topic for topic in log.topics() if topic.type in TF_TYPES] if tf else []
+    trees = [t for t in log.topics() if t.type in TF_TYPES and decoder_of(t) is not None]
     made = Gathered(
         log,
         notes,

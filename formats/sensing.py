@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from math import atan2, cos, inf, isfinite, nan, pi, radians
+from math import atan2, cos, inf, nan, pi, radians
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +18,7 @@ LEVEL = cos(radians(2.0))  # a sensor that tilts by less sees what a level one s
 SLAB = 0.25  # m above and below a tilted sensor in which a return is of the wall it would see level
 FLOOR = 0.05  # m; what a tilted sensor sees below is the floor
 CLEARED = 5.0  # m; a beam without a return must stay within the slab so far to say anything
+LEAST_STEP = 1e-6  # rad between beams
 STILL = 5e-4  # m and rad: less motion during a sweep is not worth de-skewing
 
 
@@ -139,8 +140,10 @@ def projected(scan: Scan, matrix: Floats, mirrored: bool = False) -> Scan:
 def laser_fault(reading: LaserScan | MultiEchoLaserScan) -> str:
     """Why a LaserScan cannot be used."""
     step = reading.angle_increment
-    if step == 0.0 or not isfinite(step) or not isfinite(reading.angle_min):
-        return f"angle_increment is {step:g}" if isfinite(reading.angle_min) else "angle_min is nan"
+    if not LEAST_STEP <= abs(step) <= 2 * pi:
+        return f"angle_increment is {step:g}"
+    if not abs(reading.angle_min) <= 8 * pi:
+        return f"angle_min is {reading.angle_min:g}"
     if not reading.range_min <= reading.range_max:
         return f"range_min {reading.range_min:g} above range_max {reading.range_max:g}"
     ranges = reading.ranges if isinstance(reading, LaserScan) else reading.echoes

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from math import inf, pi
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +14,7 @@ from hypothesis import strategies as st
 
 from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Pose
-from formats.log import Message
+from formats.log import Message, Topic
 from formats.stream import frames, open_log, survey
 from tests.drives import BEAMS, drive, points, surveyed
 from tests.ros_logs import START_NS, MemoryLog, RosLog
@@ -56,6 +58,38 @@ def test_what_a_run_needs_to_know_beforehand() -> None:
     assert found.limit == 10.0
     assert len(found) == 20
     assert [f.time_ns for f in found.frames()] == [f.time_ns for f in found.frames()]
+
+
+def in_json(name: str, time_ns: int, **fields: Any) -> Message:
+    """A message of Foxglove's, as JSON."""
+    stamp = {"timestamp": {"sec": time_ns // SECOND, "nsec": time_ns % SECOND}}
+    topic = Topic(f"/{name}", f"foxglove.{name}", "json")
+    return Message(topic, time_ns, json.dumps(stamp | fields).encode())
+
+
+def test_foxglove_messages_give_the_same_frames() -> None:
+    log, messages = drive(range_min=0.0, range_max=inf), []
+    for k in range(21):
+        places = {
+            ("odom", "base_link"): {"x": 0.05 * k},
+            ("base_link", "laser"): {"x": 0.2},
+        }
+        for (parent, child), place in places.items():
+            frames_ = {"parent_frame_id": parent, "child_frame_id": child}
+            still = {"w": 1.0}
+            t = log.ns(k / 10)
+            messages.append(
+                in_json("FrameTransform", t, translation=place, rotation=still, **frames_)
+            )
+        ends = {"start_angle": -pi / 2, "end_angle": pi / 2}
+        if k < 20:
+            messages.append(in_json("LaserScan", t, frame_id="laser", ranges=BEAMS, **ends))
+    found = list(survey(MemoryLog(messages), Notes()).frames())
+    for a, b in zip(found, survey(log.opened(), Notes()).frames(), strict=True):
+        assert a.time_ns == b.time_ns
+        assert a.pose == pytest.approx(b.pose)
+        np.testing.assert_allclose(a.scan.bearings, b.scan.bearings, atol=1e-6)
+        np.testing.assert_array_equal(a.scan.ranges, b.scan.ranges)
 
 
 def small() -> list[Message]:
