@@ -1,1 +1,16 @@
-"""Verbs: what one does with logs, plans and results."""
+"""Verbs: what one does with logs, plans and results. `from replay import run`."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+# public name -> the module that has it; loaded when it is first asked for
+PUBLIC = {"run": "replay.running", "steps": "replay.pipeline", "export": "replay.exporting"}
+__all__ = ["export", "run", "steps"]  # noqa: F822 - they come by __getattr__
+
+
+def __getattr__(name: str) -> Any:
+    if name in PUBLIC:
+        return getattr(import_module(PUBLIC[name]), name)
+    raise AttributeError(f"module 'replay' has no attribute {name!r}")

@@ -41,6 +41,17 @@ def _legs(x0: float, y0: float, x1: float, y1: float) -> list[Box]:
     return [(x, y, x + leg, y + leg) for x in (x0, x1 - leg) for y in (y0, y1 - leg)]
 
 
+def _shell(x0: float, y0: float, x1: float, y1: float) -> list[Box]:
+    """What is solid as far as a robot can know: boards around what stands there."""
+    board = 0.06
+    return [
+        (x0, y0, x1, y0 + board),
+        (x0, y1 - board, x1, y1),
+        (x0, y0, x0 + board, y1),
+        (x1 - board, y0, x1, y1),
+    ]
+
+
 OUTSIDE_WALLS: list[Box] = [
     (0, 0, WIDTH, OUTER),
     (0, DEPTH - OUTER, WIDTH, DEPTH),
@@ -56,16 +67,16 @@ INSIDE_WALLS: list[Box] = [
 ]
 GONE: list[Box] = _wall(4.0, OUTER, 4.0, 3.34)  # drawn in the plan, torn down since
 FURNITURE: list[Box] = [
-    (0.35, 0.3, 2.3, 1.1),  # sofa
+    *_shell(0.35, 0.3, 2.3, 1.1),  # sofa
     *_legs(1.0, 1.7, 1.9, 2.2),  # low table
-    (5.3, 0.25, 7.4, 0.85),  # kitchen counter
+    *_shell(5.3, 0.25, 7.4, 0.85),  # kitchen counter
     *_legs(5.4, 1.3, 6.7, 2.2),  # dining table
-    (9.3, 0.3, 10.7, 2.3),  # bed
-    (0.3, 6.0, 0.9, 7.7),  # wardrobe
-    (2.0, 6.4, 3.6, 7.7),  # bed
-    (5.2, 7.1, 6.9, 7.7),  # desk
-    (8.4, 7.0, 10.6, 7.7),  # shelves
-    (10.3, 3.6, 10.7, 4.5),  # coat rack at the corridor's end
+    *_shell(9.3, 0.3, 10.7, 2.3),  # bed
+    *_shell(0.3, 6.0, 0.9, 7.7),  # wardrobe
+    *_shell(2.0, 6.4, 3.6, 7.7),  # bed
+    *_shell(5.2, 7.1, 6.9, 7.7),  # desk
+    *_shell(8.4, 7.0, 10.6, 7.7),  # shelves
+    *_shell(10.3, 3.6, 10.7, 4.5),  # coat rack at the corridor's end
 ]
 WAYPOINTS = [
     (2.0, 4.0),

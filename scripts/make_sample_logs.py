@@ -148,7 +148,7 @@ def events(make: Messages) -> list[tuple[int, str, str, Any]]:
         sx, sy = px + x * np.cos(heading), py + x * np.sin(heading)
         ranges = cast(boxes, sx, sy, angles + heading + yaw, FAR)
         ranges = ranges + rng.normal(0, NOISE, BEAMS)
-        ranges[rng.random(BEAMS) < 0.004] = np.inf  # a beam now and then comes back from nowhere
+        ranges[rng.random(BEAMS) < 0.001] = np.inf  # a beam now and then comes back from nowhere
         out.append(
             (
                 t_ns + 8_000_000,

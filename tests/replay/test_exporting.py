@@ -17,7 +17,7 @@ from formats.grid import Evidence, probability
 from formats.result import Counts, Split, Step
 from formats.result_file import ResultWriter
 from formats.trajectory import read_tum
-from replay.export import WHAT, export, unarmed
+from replay.exporting import WHAT, export, unarmed
 from tests.runs import GEOMETRY, SCAN, curves, forge, prior, steps, write_run
 
 NAMES = [

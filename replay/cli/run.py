@@ -1,0 +1,125 @@
+"""`replay run`: the main job."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from formats.errors import Notes
+from replay.cli.values import NOT_NEGATIVE, POSITIVE, PROBABILITY, PoseType, answer, ending, say
+
+
+@click.command("run")
+@click.argument("logs", nargs=-1, required=True, metavar="LOG...", type=click.Path(path_type=Path))
+@click.option(
+    "--prior",
+    metavar="PLAN",
+    required=True,
+    type=click.Path(path_type=Path),
+    help="The plan: png, pgm, jpg, tiff, or a map_server yaml.",
+)
+@click.option(
+    "--truth",
+    metavar="IMAGE",
+    type=click.Path(path_type=Path),
+    help="What really stands there; without it the plan is taken for the truth.",
+)
+@click.option(
+    "-o",
+    "--output",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="The result; STEM.replay.mcap in this folder by default.",
+)
+@click.option("--force", is_flag=True, help="Replace outputs that exist.")
+@click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
+@click.option("--view", is_flag=True, help="Open the Rerun viewer and stream to it.")
+@click.option("--rrd", metavar="FILE", type=click.Path(path_type=Path), help="Save for Rerun.")
+@click.option("--connect", metavar="URL", help="Stream to a Rerun viewer that is already there.")
+@click.option("--scan", metavar="TOPIC", help="The scans; chosen when only one topic fits.")
+@click.option("--pose", metavar="TOPIC", help='Where poses come from: a topic, or "tf".')
+@click.option("--map-frame", metavar="FRAME", help="The frame of the poses; map by default.")
+@click.option("--base-frame", metavar="FRAME", help="The robot's frame; base_link by default.")
+@click.option("--sensor-pose", type=PoseType(), help="Of the sensor in the base frame; else tf.")
+@click.option(
+    "--plan-pose", type=PoseType(), help="Of the plan's own frame in the frame of the poses."
+)
+@click.option("--pose-delay", metavar="S", type=float, help="Added to the stamps of the poses.")
+@click.option("--plan-resolution", metavar="M", type=POSITIVE, help="Metres a pixel of the plan.")
+@click.option(
+    "--plan-origin", type=PoseType(), help="Of the plan's lower left corner in its own frame."
+)
+@click.option("--p-wall", type=PROBABILITY, help="P(EMPTY) of a drawn wall, as in the paper; 0.2.")
+@click.option("--p-space", type=PROBABILITY, help="P(EMPTY) of drawn free space; 0.9.")
+@click.option("--p-outside", type=PROBABILITY, help="P(EMPTY) outside the plan; 0.5.")
+@click.option("--prior-scale", type=PROBABILITY, help="Multiplies p_wall and p_space; 0.9.")
+@click.option(
+    "--cell-rule",
+    type=click.Choice(["any", "majority", "fraction"]),
+    help="Which cells are wall: any wall pixel (default), most, or in proportion.",
+)
+@click.option("--sensor", metavar="NAME", help="Sensor model: beam (default), eq10, eq15.")
+@click.option("--p-hit", type=PROBABILITY, help="P(OCCUPIED) of a hit; 0.7 for beam.")
+@click.option("--p-miss", type=PROBABILITY, help="P(OCCUPIED) of a miss; 0.4 for beam.")
+@click.option(
+    "--update",
+    type=click.Choice(["bayes", "paper"]),
+    help="The rule behind the map: bayes (default), or Equation 5 as the paper prints it.",
+)
+@click.option("--resolution", metavar="M", type=POSITIVE, help="A cell's side; 0.05.")
+@click.option("--max-range", metavar="M", type=POSITIVE, help="Readings beyond are no returns.")
+@click.option(
+    "--no-return",
+    type=click.Choice(["near", "clear", "ignore"]),
+    help="What +inf clears: 5 m at most (near, default), all its range, or nothing.",
+)
+@click.option(
+    "--region",
+    type=click.Choice(["footprint", "image", "observed"]),
+    help="Where cells are scored: inside the building (default), everywhere, where seen.",
+)
+@click.option("--every", metavar="N", type=click.IntRange(1), help="Use every Nth scan.")
+@click.option(
+    "--readings-per-pose",
+    metavar="N",
+    type=click.IntRange(1),
+    help="At most N scans where it stands.",
+)
+@click.option("--min-travel", metavar="M", type=NOT_NEGATIVE, help="Between scans that are used.")
+@click.option("--min-turn", metavar="RAD", type=NOT_NEGATIVE, help="Or so much of a turn.")
+@click.option("--start-offset", metavar="S", type=NOT_NEGATIVE, help="Leave out the log's start.")
+@click.option("--duration", metavar="S", type=POSITIVE, help="Stop so long after the start.")
+@click.option("--quiet", is_flag=True, help="No progress bar, no hints.")
+def command(logs: tuple[Path, ...], as_json: bool, quiet: bool, **options: Any) -> int:
+    """Map LOGs over the prior of a plan, and score the map.
+
+    \b
+    Examples:
+      replay run turtlebot.mcap --prior plan.png
+      replay run drive.bag --prior plan.yaml --truth truth.png --view
+      replay run drive.bag --prior plan.png --plan-resolution 0.02 --plan-origin -1.5,-2
+
+    Probabilities of the prior (--p-wall, --p-space, --p-outside) are of EMPTY, as the paper has
+    them; those of the sensor (--p-hit, --p-miss) are of OCCUPIED, as ROS has them.
+    """
+    from replay import run
+    from replay.cli.progress import bar
+
+    notes = Notes()
+    chosen = {name: value for name, value in options.items() if value is not None}
+    try:
+        with bar(quiet=quiet or as_json) as progress:
+            result = run(list(logs), notes=notes, progress=progress, **chosen)
+    finally:
+        say(notes)
+    if as_json:
+        answer(result.facts)
+    else:
+        from replay.cli.table import run_report
+
+        click.echo(run_report(result))
+        if not quiet:
+            click.echo(f"next: replay export {result.facts['result']}", err=True)
+    return ending(notes)

@@ -1,0 +1,47 @@
+"""What `replay run` prints: how it chose, and the scores."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from formats.errors import printable
+from formats.result import Result
+
+ROWS = {"none": "no prior", "bayes": "prior, bayes", "paper": "prior, paper"}
+
+
+def run_report(result: Result) -> str:
+    """Lines that a person reads, without the last line break."""
+    facts = result.facts
+    lines = [_line(word, text) for word, texts in facts["said"].items() for text in texts]
+    skipped = f", {facts['skipped']} skipped" if facts["skipped"] else ""
+    lost = f", {facts['lost']} lost" if facts["lost"] else ""
+    took, span = facts["seconds"]["whole"], facts["log_seconds"]
+    lines.append(
+        _line(
+            "map",
+            f"{facts['scans']} scans{skipped}{lost}, {span:.1f} s in {took:.1f} s, "
+            f"{facts['explored']:.0%} of the scored cells observed",
+        )
+    )
+    lines += score_table(facts)
+    for path in facts["written"]:
+        lines.append(_line("wrote", printable(path)))
+    return "\n".join(lines)
+
+
+def _line(word: str, text: str) -> str:
+    return f"{word:<8}{text}"
+
+
+def score_table(facts: dict[str, Any]) -> list[str]:
+    """Precision, recall and F2 over the scored region, and F2 in its two parts."""
+    head = f"{facts['against']:<34}{'precision':>9}{'recall':>8}{'F2':>7}"
+    lines = [_line("score", f"{head}{'observed F2':>14}{'unobserved F2':>15}")]
+    for curve, scores in facts["scores"].items():
+        sensor = facts["sensor"][curve]
+        name = f"{ROWS[curve]} ({sensor})"
+        seen, unseen = facts["observed"][curve]["f2"], facts["unobserved"][curve]["f2"]
+        numbers = f"{scores['precision']:>9.2f}{scores['recall']:>8.2f}{scores['f2']:>7.2f}"
+        lines.append(_line("", f"{name:<34}{numbers}{seen:>14.2f}{unseen:>15.2f}"))
+    return lines

@@ -1,0 +1,54 @@
+"""Option values of our own, and how a verb ends: what every verb shares."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import click
+
+from formats.errors import Notes
+from formats.frame import Pose
+
+SCHEMA = 1  # of every --json answer
+
+
+class PoseType(click.ParamType[Pose]):
+    """X,Y or X,Y,YAW in metres and radians."""
+
+    name = "X,Y,YAW"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Pose:
+        """The pose, or a usage error that shows the form."""
+        if isinstance(value, Pose):
+            return value
+        try:
+            numbers = [float(part) for part in str(value).split(",")]
+        except ValueError:
+            numbers = []
+        if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
+            self.fail(f"{value!r} is not X,Y or X,Y,YAW (metres, radians)", param, ctx)
+        return Pose(*numbers, *[0.0] * (3 - len(numbers)))
+
+
+PROBABILITY = click.FloatRange(0.0, 1.0)
+POSITIVE = click.FloatRange(0.0, min_open=True)
+NOT_NEGATIVE = click.FloatRange(0.0)
+
+
+def say(notes: Notes) -> None:
+    """Warnings, skipped and lost data on stderr, one line for each distinct problem."""
+    for kind in ("warning", "skipped", "lost"):
+        for note in notes.of(kind):
+            click.echo(f"{kind}: {note}", err=True)
+
+
+def answer(value: dict[str, Any]) -> None:
+    """One JSON object on stdout; what is not a number is null, as JSON wants it."""
+    click.echo(json.dumps({**value, "schema": SCHEMA}, default=str, allow_nan=False))
+
+
+def ending(notes: Notes) -> int:
+    """The exit code: 3 where input data were unreadable and lost."""
+    return 3 if notes.total("lost") else 0

@@ -1,0 +1,113 @@
+"""What a run says of itself: how it chose, what it rests on, and its scores."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.metadata import version
+from typing import Any
+
+from formats.errors import Notes, printable
+from formats.log import Log
+from formats.result import Counts, Split
+from formats.stream import Drive
+from replay.options import Options
+from replay.prior import breaks_e13
+from replay.scoring import METRICS
+from replay.sensor import MODELS
+from replay.world import World
+
+SHOWN = ("precision", "recall", "f2")
+
+
+def said(world: World, drive: Drive) -> dict[str, list[str]]:
+    """Topic of the line -> lines: what was chosen and why."""
+    plan, geometry = world.plan, world.geometry
+    rows, cols = plan.occupancy.shape
+    size = f"{cols} x {rows} px of {plan.scale:g} m, {geometry.cols} x {geometry.rows} cells"
+    x, y, yaw = world.map_to_plan
+    where = f"at x {x:.3f} m, y {y:.3f} m, yaw {yaw:.4f} rad in {drive.choice.map_frame or 'map'}"
+    return {
+        "plan": [f"{printable(plan.path.name)}: {size} of {geometry.resolution:g} m", where],
+        "log": [printable(reason, 400) for reason in drive.choice.reasons],
+    }
+
+
+def markdown(title: str, lines: dict[str, list[str]]) -> str:
+    """The same for the viewer's text panel."""
+    items = [f"- **{word}** {line}" for word, texts in lines.items() for line in texts]
+    return "\n".join([f"# {title}", *items])
+
+
+def warn(world: World, drive: Drive, options: Options, notes: Notes) -> None:
+    """What the user should know before believing the scores."""
+    if not drive.choice.in_map:
+        notes.warn(
+            drive.log.path,
+            "poses come from odometry alone: they drift, and are not in the plan's frame unless "
+            "--plan-pose says so",
+        )
+    if options["update"] == "paper":
+        model = MODELS[options["sensor"]]
+        levels = model.p_levels(options["p_hit"], options["p_miss"])
+        p_hit, p_miss = (
+            1 - world.curves["paper"].p_levels[0],
+            1 - world.curves["paper"].p_levels[-1],
+        )
+        assert len(levels) == model.levels
+        broken = breaks_e13(
+            p_hit, p_miss, options["p_wall"], options["p_space"], options["prior_scale"]
+        )
+        if broken:
+            notes.warn(world.plan.path, broken)
+
+
+def origin(world: World, drive: Drive, log: Log) -> dict[str, Any]:
+    """What the result rests on: versions, hashes, choices."""
+    same = world.truth is world.plan
+    return {
+        "versions": {name: version(name) for name in ("plan-replay", "numpy", "numba", "rosbags")},
+        "log": str(log.path),
+        "container": log.container.kind,
+        "plan": str(world.plan.path),
+        "truth": None if same else str(world.truth.path),
+        "against": "against the plan" if same else f"against {printable(world.truth.path.name)}",
+        "inputs": {**world.plan.inputs, **world.truth.inputs},
+        "scan": drive.choice.scan.name,
+        "poses": str(drive.choice.source),
+        "poses_depend_on": "log",
+        "map_frame": drive.choice.map_frame,
+        "base_frame": drive.choice.base_frame,
+        "scans_in_log": drive.total,
+        "sensor": {name: sensor_of(curve.p_levels) for name, curve in world.curves.items()},
+    }
+
+
+def sensor_of(p_levels: Sequence[float]) -> str:
+    """A curve's sensor as P(occupied) of a full hit and a full miss: "0.7 / 0.4"."""
+    return f"{round(1 - p_levels[0], 6):g} / {round(1 - p_levels[-1], 6):g}"
+
+
+def scores(world: World, last: Sequence[int], region: str) -> dict[str, Any]:
+    """The last frame's counts as --json has them.
+
+    Args:
+        last: 8 numbers a curve: observed and unobserved tp, fp, fn, tn.
+        region: "observed" scores the observed cells alone.
+    """
+    splits = {}
+    for i, name in enumerate(world.curves):
+        row = last[8 * i : 8 * i + 8]
+        splits[name] = Split(Counts(*row[:4]), Counts(*row[4:]))
+    whole = {n: s.observed if region == "observed" else s.whole for n, s in splits.items()}
+    some = next(iter(splits.values()))
+    return {
+        "scores": {name: measured(counts) for name, counts in whole.items()},
+        "observed": {name: measured(split.observed) for name, split in splits.items()},
+        "unobserved": {name: measured(split.unobserved) for name, split in splits.items()},
+        "explored": sum(some.observed) / max(sum(some.whole), 1),
+    }
+
+
+def measured(counts: Counts) -> dict[str, Any]:
+    """Precision, recall and F2, and what they are made of."""
+    return {name: METRICS[name](counts) for name in SHOWN} | counts._asdict()

@@ -1,0 +1,102 @@
+"""The options of a run: their names, types and defaults, in one place for library and CLI."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from math import inf
+from typing import Any, TypedDict
+
+from formats.errors import UsageError
+from formats.frame import Pose
+from formats.grid import Update
+from replay.cells import Rule
+from replay.sensor import NoReturn
+from replay.world import Region
+
+
+class Options(TypedDict, total=False):
+    """What may be said to `run`, by the names of the flags; `replay run --help` explains each."""
+
+    scan: str
+    pose: str
+    map_frame: str
+    base_frame: str
+    sensor_pose: Pose | None
+    pose_delay: float
+    every: int
+    readings_per_pose: int | None
+    min_travel: float
+    min_turn: float
+    start_offset: float
+    duration: float
+    plan_resolution: float | None
+    plan_origin: Pose | None
+    plan_pose: Pose | None
+    p_wall: float
+    p_space: float
+    p_outside: float
+    prior_scale: float
+    cell_rule: Rule
+    region: Region
+    sensor: str
+    p_hit: float | None
+    p_miss: float | None
+    update: Update
+    resolution: float
+    max_range: float
+    no_return: NoReturn
+
+
+READING: Options = {
+    "scan": "",
+    "pose": "",
+    "map_frame": "",
+    "base_frame": "",
+    "sensor_pose": None,
+    "pose_delay": 0.0,
+    "every": 1,
+    "readings_per_pose": None,
+    "min_travel": 0.0,
+    "min_turn": 0.0,
+    "start_offset": 0.0,
+    "duration": inf,
+}
+PLAN: Options = {"plan_resolution": None, "plan_origin": None}
+WORLD: Options = {
+    "plan_pose": None,
+    "p_wall": 0.2,
+    "p_space": 0.9,
+    "p_outside": 0.5,
+    "prior_scale": 0.9,
+    "cell_rule": "any",
+    "region": "footprint",
+    "sensor": "beam",
+    "p_hit": None,  # the sensor model's
+    "p_miss": None,
+    "update": "bayes",
+    "resolution": 0.05,
+}
+# Walls indoors lie nearer than 25 m, and the grid stays small.
+MAPPING: Options = {"max_range": 25.0, "no_return": "near"}
+DEFAULTS: Options = {**READING, **PLAN, **WORLD, **MAPPING}
+
+
+def effective(options: Mapping[str, Any]) -> Options:
+    """The options with the defaults of all the others.
+
+    Raises:
+        UsageError: there is no such option.
+    """
+    for name in options:
+        if name not in DEFAULTS:
+            from difflib import get_close_matches
+
+            close = get_close_matches(name, DEFAULTS, 1)
+            hint = f"did you mean {close[0]}?" if close else ""
+            raise UsageError("", f"there is no option {name}", hint=hint)
+    return {**DEFAULTS, **options}  # type: ignore[typeddict-item]
+
+
+def among(options: Options, names: Iterable[str]) -> dict[str, Any]:
+    """Those of the options that belong to one part of the work."""
+    return {name: options[name] for name in names}  # type: ignore[literal-required]

@@ -1,0 +1,78 @@
+"""Pictures of maps and readings, for the viewer, reports and docs: colours, PNG, end points."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import numpy.typing as npt
+
+from formats.grid import Grid
+from formats.result import Step
+
+Bools = npt.NDArray[np.bool_]
+Colour = tuple[int, int, int]
+MOST_CELLS = 4_000_000  # a larger map is shown at a lower resolution
+MOST_POINTS = 720  # of a scan
+# Okabe and Ito's palette: told apart with any colour vision. Red, green, blue.
+FOUND, MISSED, FALSE = (0, 114, 178), (230, 159, 0), (204, 121, 167)
+CURVE_COLOURS: dict[str, Colour] = {
+    "none": (120, 120, 120),
+    "bayes": (0, 114, 178),
+    "paper": (213, 94, 0),
+}
+CURVE_NAMES = {"none": "no prior", "bayes": "prior, bayes", "paper": "prior, paper"}
+
+
+def thinning(shape: tuple[int, int]) -> int:
+    """Every how many cells are shown, so that no picture has over MOST_CELLS."""
+    return max(1, int(np.ceil(np.sqrt(shape[0] * shape[1] / MOST_CELLS))))
+
+
+def png(cells: npt.NDArray[np.uint8]) -> bytes:
+    """PNG bytes of cells (rows, cols) or (rows, cols, 4 RGBA), thinned where they are too many."""
+    import cv2
+
+    thin = thinning((cells.shape[0], cells.shape[1]))
+    shown = np.ascontiguousarray(cells[::thin, ::thin])
+    if shown.ndim == 3:
+        shown = cv2.cvtColor(shown, cv2.COLOR_RGBA2BGRA)
+    done, data = cv2.imencode(".png", shown)
+    if not done:
+        raise ValueError(f"a picture of {cells.shape} cells could not be made")
+    return bytes(data.tobytes())
+
+
+def gray(grid: Grid) -> npt.NDArray[np.uint8]:
+    """A map as shades: white surely empty, black surely occupied; (rows, cols)."""
+    return np.rint((1.0 - grid.p_occupied()) * 255).astype(np.uint8)
+
+
+def coloured(
+    shape: tuple[int, int], layers: Iterable[tuple[Bools, tuple[int, ...]]]
+) -> npt.NDArray[np.uint8]:
+    """Cells in colours, red green blue and perhaps alpha, clear elsewhere; (rows, cols, 4)."""
+    out = np.zeros((*shape, 4), dtype=np.uint8)
+    for mask, colour in layers:
+        out[mask] = colour if len(colour) == 4 else (*colour, 255)
+    return out
+
+
+def errors(occupied: Bools, truth: Bools, scored: Bools) -> npt.NDArray[np.uint8]:
+    """Walls found, missed and false inside the scored region, coloured; (rows, cols, 4)."""
+    wall, claimed = truth & scored, occupied & scored
+    layers = ((wall & claimed, FOUND), (wall & ~claimed, MISSED), (claimed & ~wall, FALSE))
+    return coloured(truth.shape, layers)
+
+
+def end_points(step: Step) -> npt.NDArray[np.float32]:
+    """Where the beams of a step ended, (n, 2) m in the plan's frame, thinned."""
+    scan = step.frame.scan
+    ranges = np.asarray(scan.ranges)
+    with np.errstate(invalid="ignore"):
+        seen = (ranges >= max(scan.min_range, 1e-6)) & (ranges < scan.max_range)
+    good = np.flatnonzero(seen & np.isfinite(ranges))
+    good = good[:: max(1, int(np.ceil(len(good) / MOST_POINTS)))]
+    angles, reach = scan.bearings[good], ranges[good].astype(np.float64)
+    points = np.stack([reach * np.cos(angles), reach * np.sin(angles)], axis=1)
+    return step.frame.pose.apply(points).astype(np.float32)

@@ -1,0 +1,156 @@
+"""run(): logs and a plan in; a result file, a recording and scores out."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from math import inf
+from os import PathLike
+from pathlib import Path
+from typing import Any, Unpack
+
+import numpy as np
+
+from formats.errors import Notes, UsageError
+from formats.output import check_output
+from formats.plan_file import open_plan
+from formats.result import Result
+from formats.result_file import ResultWriter
+from formats.stream import open_log, survey
+from replay import facts
+from replay.mapper import Mapper
+from replay.options import READING, WORLD, Options, among, effective
+from replay.pipeline import Clock, steps
+from replay.sensor import MODELS
+from replay.world import build_world
+
+Source = str | PathLike[str]
+
+
+def run(
+    logs: Source | Sequence[Source],
+    prior: Source,
+    *,
+    truth: Source | None = None,
+    output: Source | None = None,
+    force: bool = False,
+    rrd: Source | None = None,
+    view: bool = False,
+    connect: str | None = None,
+    notes: Notes | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    say: Callable[[str], object] = print,
+    **options: Unpack[Options],
+) -> Result:
+    """Map logs over the prior of a plan, score the map, and write the result.
+
+    Args:
+        logs: one log, or several of one run, merged by time.
+        prior: the plan.
+        truth: what really stands there; None: the plan is taken for it.
+        output: the result file; None: STEM.replay.mcap in the current folder.
+        force: replace outputs that exist.
+        rrd: a recording for Rerun.
+        view, connect: stream to a viewer, a new one or the one at an address.
+        notes: gets what was odd, skipped or lost.
+        progress: is told (done, expected) scans.
+        say: is told when the viewer is gone.
+        options: see Options.
+
+    Returns:
+        the scores over time, the last maps, and in `facts` what `--json` prints.
+
+    Raises:
+        FormatError: an input cannot be used, or an output cannot be written.
+        UsageError: several topics fit, or an option is not possible.
+    """
+    notes, clock, chosen = Notes() if notes is None else notes, Clock(), effective(options)
+    sources = [Path(logs)] if isinstance(logs, str | PathLike) else [Path(log) for log in logs]
+    if chosen["sensor"] not in MODELS:
+        hint = f"there are {', '.join(MODELS)}"
+        raise UsageError(chosen["sensor"], "no such sensor model", hint=hint)
+    inputs = [*sources, Path(prior), *([Path(truth)] if truth else [])]
+    out = Path(output) if output else Path(f"{stem(sources[0])}.replay.mcap")
+    written = [out, *([Path(rrd)] if rrd else [])]
+    for path in written:
+        check_output(path, force=force, inputs=inputs)
+    plan = open_plan(
+        prior, notes, resolution=chosen["plan_resolution"], origin=chosen["plan_origin"]
+    )
+    real = open_plan(truth, notes) if truth else None
+    with ExitStack() as stack:
+        log = open_log(sources, notes)
+        stack.callback(log.close)
+        drive = survey(log, notes, **among(chosen, READING))
+        reach = min(drive.limit if drive.limit > 0.0 else inf, chosen["max_range"])
+        world = build_world(plan, real, drive.bounds, reach, notes, **among(chosen, WORLD))
+        facts.warn(world, drive, chosen, notes)
+        mapper = Mapper(
+            world.geometry, chosen["sensor"], max_range=reach, no_return=chosen["no_return"]
+        )
+        said = facts.said(world, drive)
+        origin = {"said": said, **facts.origin(world, drive, log)}
+        writer = ResultWriter(
+            out,
+            geometry=world.geometry,
+            curves=world.curves,
+            main=chosen["update"],
+            layers=world.kept(),
+            settings={"logs": sources, "prior": prior, "truth": truth, **chosen},
+            map_to_plan=world.map_to_plan,
+            attachments={path.name: path.read_bytes() for path in world.files},
+            facts=origin,
+            force=force,
+            inputs=inputs,
+        )
+        sinks: list[Any] = [stack.enter_context(writer)]
+        if rrd or view or connect:
+            from replay.viewer import Scene, Viewer
+
+            title = f"{sources[0].name} over {plan.path.name}"
+            scene = Scene(title, world, facts.markdown(title, said), chosen["update"])
+            viewer = Viewer(
+                scene, path=rrd, view=view, connect=connect, force=force, inputs=inputs, say=say
+            )
+            sinks.append(stack.enter_context(viewer))
+        times, counts = array("q"), array("q")
+        clock.lap("reading")
+        frames = drive.frames()
+        for step in steps(frames, len(drive), world, mapper, clock=clock, progress=progress):
+            for sink in sinks:
+                sink.write(step)
+            times.append(step.frame.time_ns)
+            for split in step.counts.values():
+                counts.extend((*split.observed, *split.unobserved))
+        found = {
+            **origin,
+            **facts.scores(world, counts[-8 * len(world.curves) :], region=chosen["region"]),
+            "scans": len(times),
+            "skipped": notes.total("skipped"),
+            "lost": notes.total("lost"),
+            "log_seconds": (times[-1] - times[0]) / 1e9 if times else 0.0,
+            "notes": [f"{note.kind}: {note}" for note in notes if note.kind != "info"],
+        }
+        writer.finish(found)
+        grids = {name: curve.of(mapper.evidence) for name, curve in world.curves.items()}
+    clock.lap("writing")
+    table = np.array(counts, dtype=np.int64).reshape(len(times), len(world.curves), 2, 4)
+    return Result(
+        settings=dict(chosen),
+        times_ns=np.array(times, dtype=np.int64),
+        counts={name: table[:, i] for i, name in enumerate(world.curves)},
+        grids=grids,
+        facts={
+            **found,
+            "result": str(out),
+            "written": [str(path) for path in written],
+            "seconds": {"whole": sum(clock.seconds.values()), **clock.seconds},
+        },
+    )
+
+
+def stem(log: Path) -> str:
+    """The name that a log's results go by: without `.mcap`, `.bag.gz` and the like."""
+    name = log.resolve().name
+    return name.split(".")[0] or name

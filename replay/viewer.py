@@ -1,0 +1,291 @@
+"""The Rerun sink: what a run looked like, saved or live. The only module that imports rerun.
+
+Entities lie in metres of the plan's frame, y up. Maps go out at keyframes, scans, poses and scores
+as columns in batches, so that the cost and size of viewing stay bounded.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from formats.errors import FormatError, printable
+from formats.output import atomic
+from formats.result import Step
+from replay.pictures import (
+    CURVE_COLOURS,
+    CURVE_NAMES,
+    coloured,
+    end_points,
+    errors,
+    gray,
+    png,
+    thinning,
+)
+from replay.scoring import f2, precision, recall
+from replay.world import World
+
+BATCH = 64  # frames a column batch: small enough to look live, large enough to cost nothing
+METRICS = {"f2": f2, "precision": precision, "recall": recall}
+
+
+class Scene(NamedTuple):
+    """What a picture needs besides the steps.
+
+    Attributes:
+        title: shown as the recording's name.
+        world: plan and truth on their lattice.
+        report: markdown for the text panel.
+        main: the curve that is the map.
+    """
+
+    title: str
+    world: World
+    report: str
+    main: str = "bayes"
+
+
+def blueprint(scene: Scene) -> Any:
+    """Map with prior, map without, errors, the three scores over time, and the report."""
+    x0, y0, x1, y1 = scene.world.plan.extent  # what lies beyond it is a scroll away
+
+    def view(name: str, entity: str) -> Any:
+        return rrb.Spatial2DView(
+            origin="/plan",
+            name=name,
+            contents=["+ /plan", f"+ /plan/{entity}/**", "+ /plan/robot/**", "+ /plan/drawing/**"],
+            visual_bounds=rrb.VisualBounds2D(x_range=(x0, x1), y_range=(-y1, -y0)),
+            background=rrb.Background(color=(245, 245, 245)),
+        )
+
+    def series(metric: str) -> Any:
+        return rrb.TimeSeriesView(
+            origin=f"/score/{metric}",
+            name={"f2": "F2", "precision": "Precision", "recall": "Recall"}[metric],
+            axis_y=rrb.ScalarAxis(range=(0.0, 1.0), zoom_lock=True),
+            plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightBottom),
+        )
+
+    return rrb.Blueprint(
+        rrb.Vertical(
+            rrb.Horizontal(
+                view("Map with prior", "with_prior"),
+                view("Map without prior", "without_prior"),
+                view("Errors: found blue, missed orange, false pink", "errors"),
+            ),
+            rrb.Horizontal(
+                series("f2"),
+                series("precision"),
+                series("recall"),
+                rrb.TextDocumentView(origin="/report", name="Report"),
+            ),
+            row_shares=[3, 2],
+        ),
+        rrb.TimePanel(timeline="log_time_s", state="collapsed"),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        auto_views=False,
+    )
+
+
+class Viewer:
+    """A sink for steps that speaks Rerun; a context manager.
+
+    Args:
+        scene: what does not change.
+        path: an .rrd to write, whole or not at all.
+        view: start the viewer on this machine; only 127.0.0.1 is listened on.
+        connect: the address of a viewer that is already there.
+        force: overwrite `path`.
+        inputs: files that must not be overwritten.
+        say: is told, once and in one line, when the viewer is gone; the run goes on.
+
+    Raises:
+        FormatError: on entering, where the output exists or cannot be written.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        path: str | os.PathLike[str] | None = None,
+        view: bool = False,
+        connect: str | None = None,
+        force: bool = False,
+        inputs: Iterable[str | os.PathLike[str]] = (),
+        say: Callable[[str], object] = print,
+    ) -> None:
+        self._scene, self._say = scene, say
+        self._path, self._force, self._inputs = path, force, tuple(inputs)
+        self._view, self._connect = view, connect
+        self._stack = ExitStack()
+        self._steps: list[Step] = []
+        self._start_ns: int | None = None
+
+    def __enter__(self) -> Viewer:
+        # One recording a run; its id must differ between runs that one viewer shows.
+        identity = f"replay-{os.getpid()}-{time.monotonic_ns()}"
+        self._rec = rr.RecordingStream("replay", recording_id=identity)
+        self._rec.set_log_time_enabled(False)
+        self._rec.set_log_tick_enabled(False)
+        sinks: list[Any] = []
+        if self._path is not None:
+            output = atomic(self._path, force=self._force, inputs=self._inputs)
+            sinks.append(rr.FileSink(str(self._stack.enter_context(output))))
+        address = _start_viewer() if self._view else self._connect
+        if address is not None:
+            sinks.append(rr.GrpcSink(address))
+        self._live = address is not None
+        self._rec.set_sinks(*sinks, default_blueprint=blueprint(self._scene))
+        self._static()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        try:
+            if kind is None:
+                if self._steps and not self._steps[-1].keyframe:
+                    self._maps(self._steps[-1])  # the end, wherever it came
+                self._send()
+                self._flush()
+        finally:
+            self._rec.disconnect()  # writes the file's footer, before the file gets its name
+            self._stack.__exit__(kind, error, trace)
+
+    def _flush(self) -> None:
+        """Waits for what was sent; a viewer that is gone costs a line, not the run."""
+        try:
+            self._rec.flush(timeout_sec=10)
+        except Exception as error:  # rerun's errors share no base of their own
+            reason = printable(str(error).splitlines()[0])
+            if not self._live:
+                raise FormatError(self._path or "rerun", reason) from error
+            self._say(f"viewer: gone ({reason}); the result is not touched by that")
+
+    def _static(self) -> None:
+        """Everything that holds for the whole run."""
+        rec, scene, geometry = self._rec, self._scene, self._scene.world.geometry
+        rec.send_recording_name(scene.title)
+        # Rerun's 2-D y axis points down: one flip here, and everything below is in metres, y up.
+        flip = rr.Transform3D(mat3x3=[[1, 0, 0], [0, -1, 0], [0, 0, 1]])
+        rec.log("plan", flip, static=True)
+        shape = geometry.shape
+        cell = geometry.resolution * thinning(shape)
+        place = rr.Transform3D(translation=[geometry.x, geometry.y, 0], scale=cell)
+        for entity in ("with_prior", "without_prior", "errors", "drawing"):
+            rec.log(f"plan/{entity}", place, static=True)
+        walls = png(coloured(shape, [(scene.world.layers.walls(), (60, 60, 60, 90))]))
+        rec.log("plan/drawing/walls", _image(walls, draw_order=-5), static=True)
+        rec.log("report", rr.TextDocument(scene.report, media_type="text/markdown"), static=True)
+        for curve, colour in CURVE_COLOURS.items():
+            for metric in METRICS:
+                line = rr.SeriesLines(colors=[colour], names=CURVE_NAMES[curve], widths=[2])
+                rec.log(f"score/{metric}/{curve}", line, static=True)
+
+    def write(self, step: Step) -> None:
+        """Takes a step; what is drawn of it goes out with its batch, maps at keyframes."""
+        if self._start_ns is None:
+            self._start_ns = step.frame.time_ns
+        self._steps.append(step)
+        if step.keyframe:
+            self._maps(step)
+        if len(self._steps) >= BATCH:
+            self._send()
+
+    def _now(self, step: Step) -> None:
+        """Sets every timeline to a step."""
+        time_ns = step.frame.time_ns
+        self._rec.set_time("frame", sequence=step.index)
+        self._rec.set_time("log_time_s", duration=(time_ns - (self._start_ns or 0)) / 1e9)
+        self._rec.set_time("stamp", timestamp=time_ns / 1e9)
+
+    def _maps(self, step: Step) -> None:
+        """The maps and the errors at a keyframe."""
+        rec, scene = self._rec, self._scene
+        self._now(step)
+        main = step.grids[scene.main]
+        wrong = errors(main.occupied(), scene.world.wall, scene.world.scored)
+        rec.log("plan/with_prior/map", _image(png(gray(main)), draw_order=-10))
+        rec.log("plan/without_prior/map", _image(png(gray(step.grids["none"])), draw_order=-10))
+        rec.log("plan/errors/map", _image(png(wrong), draw_order=-1))
+
+    def _send(self) -> None:
+        """One batch of scans, poses and scores as columns, and the path that they drove."""
+        steps = self._steps
+        if not steps:
+            return
+        stamps = np.array([step.frame.time_ns for step in steps], dtype=np.int64)
+        times = [
+            rr.TimeColumn("frame", sequence=[step.index for step in steps]),
+            rr.TimeColumn("log_time_s", duration=(stamps - (self._start_ns or 0)) / 1e9),
+            rr.TimeColumn("stamp", timestamp=stamps / 1e9),
+        ]
+        send = self._rec.send_columns
+        for curve in steps[0].counts:
+            for metric, function in METRICS.items():
+                values = [function(step.counts[curve].whole) for step in steps]
+                send(f"score/{metric}/{curve}", times, rr.Scalars.columns(scalars=values))
+        scans = [end_points(step) for step in steps]
+        lengths = [len(points) for points in scans]
+        points = rr.Points2D.columns(positions=np.concatenate(scans)).partition(lengths)
+        look = rr.Points2D.columns(colors=[(213, 94, 0)] * len(steps), radii=[0.03] * len(steps))
+        send("plan/robot/scan", times, [*points, *look])
+        poses = np.array([step.frame.pose for step in steps])
+        heading = 0.4 * np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], axis=1)
+        send(
+            "plan/robot/pose",
+            times,
+            rr.Arrows2D.columns(
+                origins=poses[:, :2], vectors=heading, colors=[(0, 90, 50)] * len(poses)
+            ),
+        )
+        self._now(steps[0])
+        self._rec.log(
+            f"plan/robot/path/{steps[0].index // BATCH}",
+            rr.LineStrips2D([poses[:, :2]], colors=[(0, 158, 115)], radii=[0.02]),
+        )
+        steps.clear()
+
+
+def _image(data: bytes, draw_order: float) -> Any:
+    """A PNG as Rerun wants it."""
+    return rr.EncodedImage(contents=data, media_type="image/png", draw_order=draw_order)
+
+
+def _free_port() -> int:
+    """A port of the loopback interface that nothing listens on."""
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        return int(s.getsockname()[1])
+
+
+def _start_viewer() -> str:
+    """Starts the viewer's own binary, bound to the loopback interface; its address."""
+    import rerun_cli
+
+    name = "rerun.exe" if sys.platform == "win32" else "rerun"
+    binary = Path(rerun_cli.__file__).parent / name
+    port = _free_port()
+    subprocess.Popen(
+        [binary, "--bind", "127.0.0.1", "--port", str(port), "--hide-welcome-screen"],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    return f"rerun+http://127.0.0.1:{port}/proxy"

@@ -1,0 +1,209 @@
+"""What stands before the first frame: the plan on its lattice, the prior's curves, the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from formats.errors import FormatError, Notes
+from formats.frame import Pose
+from formats.grid import Geometry, Update
+from formats.plan_file import Extent, Plan, overlap
+from formats.result import Curve
+from replay.cells import CellLayers, Rule, cell_layers, truth_cells
+from replay.prior import build_prior, no_prior
+from replay.sensor import MODELS
+
+Region = Literal["footprint", "image", "observed"]
+Bools = npt.NDArray[np.bool_]
+MOST_CELLS = 100_000_000
+PAPER_HIT, PAPER_MISS = 0.9, 0.1  # P(occupied): 0.7 / 0.4 would break the paper's E13
+
+
+@dataclass(frozen=True, slots=True)
+class World:
+    """What stands before the first frame: the lattice, the prior's curves and the truth on it.
+
+    Attributes:
+        plan: as read.
+        truth: the truth's plan; the plan itself where no other is given.
+        layers: what the plan says by cell.
+        curves: "none", "bayes", "paper".
+        wall, scored: cells that are wall in truth, and cells that count; (rows, cols).
+        map_to_plan: pose of the plan's frame in the frame of the poses.
+    """
+
+    plan: Plan
+    truth: Plan
+    layers: CellLayers
+    curves: dict[str, Curve]
+    wall: Bools
+    scored: Bools
+    map_to_plan: Pose
+
+    @property
+    def geometry(self) -> Geometry:
+        """Of every grid of the run."""
+        return self.layers.geometry
+
+    @property
+    def files(self) -> list[Path]:
+        """Plan, truth and their yamls, each once."""
+        return [Path(name) for name in {**self.plan.inputs, **self.truth.inputs}]
+
+    def kept(self) -> dict[str, npt.NDArray[Any]]:
+        """What re-scoring needs of each cell, by field of the result's CellLayers."""
+        return {
+            "wall": self.layers.wall_fraction,
+            "outside": self.layers.outside,
+            "truth_wall": self.wall,
+            "truth_scored": self.scored,
+        }
+
+
+def place(plan: Plan, plan_pose: Pose | None) -> Pose:
+    """The pose of the plan's frame in the frame of the poses.
+
+    Raises:
+        FormatError: nothing says where the plan lies.
+    """
+    if not plan.placed and plan_pose is None:
+        raise FormatError(
+            plan.path,
+            "nothing says where the plan lies",
+            hint="give --plan-resolution and --plan-origin, or a map yaml of its stem beside it",
+        )
+    return (plan_pose or Pose(0.0, 0.0, 0.0)) @ plan.frame
+
+
+def lattice(
+    plan: Plan, bounds: Extent, map_to_plan: Pose, resolution: float, reach: float
+) -> Geometry:
+    """Cells over the plan and over what the sensor can reach from its poses.
+
+    Raises:
+        FormatError: the robot never comes onto the plan; the lattice would be too large.
+    """
+    x0, y0, x1, y1 = plan.extent
+    a, b, c, d = bounds
+    corners = map_to_plan.inverse().apply([(a, b), (a, d), (c, b), (c, d)])
+    (left, low), (right, high) = corners.min(axis=0), corners.max(axis=0)
+    if not overlap(plan.extent, (left - 1e-3, low - 1e-3, right + 1e-3, high + 1e-3)):
+        raise FormatError(
+            plan.path,
+            f"the plan (x {x0:.1f} to {x1:.1f} m, y {y0:.1f} to {y1:.1f} m) and the run "
+            f"(x {left:.1f} to {right:.1f} m, y {low:.1f} to {high:.1f} m) do not overlap",
+            hint="give --plan-pose X,Y,YAW or --plan-origin",
+        )
+    geometry = Geometry.covering(
+        min(x0, left - reach),
+        min(y0, low - reach),
+        max(x1, right + reach),
+        max(y1, high + reach),
+        resolution,
+    )
+    if geometry.rows * geometry.cols > MOST_CELLS:
+        raise FormatError(
+            plan.path,
+            f"{geometry.cols} x {geometry.rows} cells of {resolution} m are too many",
+            hint="give a coarser --resolution or a shorter --max-range",
+        )
+    return geometry
+
+
+def curves_of(
+    layers: CellLayers,
+    sensor: str,
+    p_hit: float | None,
+    p_miss: float | None,
+    update: Update,
+    prior: Mapping[str, Any],
+) -> dict[str, Curve]:
+    """No prior, and the prior under both rules of update.
+
+    The `paper` curve of a `bayes` run takes the paper's own sensor, 0.9 / 0.1, from the same
+    counts; where `paper` is the rule of the run, all curves take the run's sensor.
+    """
+    model = MODELS[sensor]
+    if update == "paper":
+        p_hit = PAPER_HIT if p_hit is None else p_hit
+        p_miss = PAPER_MISS if p_miss is None else p_miss
+    levels = tuple(model.p_levels(p_hit, p_miss))
+    paper = levels if update == "paper" else tuple(model.p_levels(PAPER_HIT, PAPER_MISS))
+    informative = build_prior(layers, **prior)
+    return {
+        "none": Curve(no_prior(layers), levels),
+        "bayes": Curve(informative, levels),
+        "paper": Curve(informative, paper, "paper"),
+    }
+
+
+def truth_beside(truth: Plan, plan: Plan) -> Plan:
+    """A truth without a place of its own lies where the plan does, if it has the plan's size.
+
+    Raises:
+        FormatError: it has another size, and nothing says where it lies.
+    """
+    if truth.placed and truth.resolution is not None:
+        return truth
+    if truth.occupancy.shape != plan.occupancy.shape:
+        raise FormatError(
+            truth.path,
+            "nothing says where the truth lies, and its size is not the plan's",
+            hint="put a map yaml of its stem beside it",
+        )
+    return replace(truth, resolution=plan.resolution, origin=plan.origin, placed=True)
+
+
+def build_world(
+    plan: Plan,
+    truth: Plan | None,
+    bounds: Extent,
+    reach: float,
+    notes: Notes,
+    *,
+    plan_pose: Pose | None = None,
+    resolution: float = 0.05,
+    sensor: str = "beam",
+    p_hit: float | None = None,
+    p_miss: float | None = None,
+    update: Update = "bayes",
+    cell_rule: Rule = "any",
+    region: Region = "footprint",
+    **prior: float,
+) -> World:
+    """Plan, truth and prior on one lattice.
+
+    Args:
+        plan: with its resolution known.
+        truth: None: the plan is taken for it.
+        bounds: x0, y0, x1, y1 of the poses, m.
+        reach: m that the sensor sees beyond them.
+        notes: told how the scored region was found.
+        plan_pose: of the plan's own frame in the frame of the poses.
+        resolution: m, a cell's side.
+        sensor, p_hit, p_miss, update: see `curves_of`.
+        cell_rule: when a cell is wall; of the truth "any" unless it is "majority".
+        region: the building, the whole picture, or (later) what was observed.
+        prior: p_wall, p_space, p_outside, prior_scale.
+
+    Raises:
+        FormatError: nothing says where plan or truth lie; they do not overlap the run.
+    """
+    map_to_plan = place(plan, plan_pose)
+    geometry = lattice(plan, bounds, map_to_plan, resolution, reach)
+    layers = cell_layers(plan, geometry, notes=notes)
+    curves = curves_of(layers, sensor, p_hit, p_miss, update, {**prior, "rule": cell_rule})
+    real = plan if truth is None else truth_beside(truth, plan)
+    if real is plan:
+        wall, scored = layers.walls(cell_rule), layers.footprint
+    else:
+        wall, scored = truth_cells(real, geometry, cell_rule, frame=plan.frame, notes=notes)
+    if region != "footprint":
+        scored = layers.pixels > 0
+    return World(plan, real, layers, curves, wall, scored, map_to_plan)
