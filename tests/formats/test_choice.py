@@ -204,6 +204,44 @@ def test_two_types_on_one_topic_give_the_laser_scan() -> None:
     assert opened(log)[0].choice.scan.type == "sensor_msgs/msg/LaserScan"
 
 
+def two_robots(log: RosLog, t: float, x: float) -> None:
+    for robot, side in (("one", 10.0), ("two", 20.0)):
+        if t == 0:
+            log.static(f"{robot}/base_link", f"{robot}/laser", (0.2, 0.0, 0.0))
+            log.static("map", f"{robot}/odom", (0.0, side, 0.0))
+        log.tf(t, f"{robot}/odom", f"{robot}/base_link", (x, 0.0, 0.0))
+        log.scan(t, RANGES, topic=f"/{robot}/scan", frame=f"{robot}/laser")
+
+
+def test_two_robots_are_a_choice_and_each_has_its_own_chain() -> None:
+    log = drive(two_robots)
+    with pytest.raises(UsageError, match=r"2 topics may be the scan: /one/scan .* /two/scan"):
+        opened(log)
+    for robot, side in (("one", 10.0), ("two", 20.0)):
+        found, _ = opened(log, scan=f"/{robot}/scan")
+        assert (found.choice.map_frame, found.choice.base_frame) == ("map", f"{robot}/base_link")
+        assert found.poses[0].tolist() == pytest.approx([0.2, side, 0.0])
+
+
+def test_a_map_frame_may_also_choose_among_pose_topics() -> None:
+    def other(log: RosLog, t: float, x: float) -> None:
+        log.pose(t, "/other", (x, 0.0, 0.0), frame="other_map")
+
+    found, _ = opened(drive(scans, mount, truth, other), map_frame="other_map")
+    assert found.choice.source.topic is not None
+    assert found.choice.source.topic.name == "/other"
+
+
+def test_poses_in_another_frame_on_one_topic_are_counted() -> None:
+    log = drive(scans, mount, truth)
+    log.pose(1.05, "/truth", (0.0, 0.0, 0.0), frame="odom")
+    found, notes = opened(log)
+    assert len(found) == 30
+    assert [str(note) for note in notes.of("skipped")] == [
+        "memory: /truth: poses in odom among those in map ignored"
+    ]
+
+
 def test_several_pose_topics_are_listed_with_what_to_type() -> None:
     def other(log: RosLog, t: float, x: float) -> None:
         log.pose(t, "/other", (x, 0.0, 0.0))
@@ -215,6 +253,7 @@ def test_several_pose_topics_are_listed_with_what_to_type() -> None:
 ERRORS: list[tuple[list[Add], Options, int, str]] = [
     ([odom], {}, 1, "no scans: looked for LaserScan"),
     ([scans], {}, 1, "/scan: no pose source: looked for tf .* found none of these; .*--pose"),
+    ([scans, second_scan], {}, 1, "no pose source: looked for tf .* found none of these"),
     ([scans, mount], {}, 1, "/scan: no pose source: .* found /tf_static .*base_link > laser"),
     (
         [scans, odom],

@@ -60,6 +60,30 @@ def test_what_a_run_needs_to_know_beforehand() -> None:
     assert [f.time_ns for f in found.frames()] == [f.time_ns for f in found.frames()]
 
 
+def test_transforms_that_lead_nowhere_are_dropped_from_long_logs(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    log = drive()
+    for k in range(20):
+        log.tf(k / 10, "base_link", "wheel", (0.0, 0.0, k / 10))
+        log.tf(k / 10, "odom", "map", (-1.0, 0.0, 0.0))  # a map that hangs below odom leads on
+    monkeypatch.setattr("formats.gathering.MANY", 10)
+    found, _ = surveyed(log)
+    tree = found.way.gathered.tree
+    assert tree.samples(("base_link", "wheel")) is None
+    assert found.choice.map_frame == "map"
+    assert found.poses[0, 0] == pytest.approx(1.2)
+
+
+def test_a_thousand_frame_names_are_not_kept() -> None:
+    log = drive()
+    for k in range(1000):
+        log.scan(0.5 + k / 1000, BEAMS, frame=f"damaged{k}")
+    found, _ = surveyed(log)
+    assert (found.total, len(found)) == (1020, 20)
+    assert len(found.way.scans.names) == 256
+
+
 def in_json(name: str, time_ns: int, **fields: Any) -> Message:
     """A message of Foxglove's, as JSON."""
     stamp = {"timestamp": {"sec": time_ns // SECOND, "nsec": time_ns % SECOND}}
