@@ -49,7 +49,11 @@ class Sensor(NamedTuple):
 
 @lru_cache(maxsize=64)
 def beams(start: float, step: float, count: int, mirrored: bool) -> tuple[Floats, Floats, bool]:
-    """Ascending bearings and widths (count,) rad; True where the beams come in falling order."""
+    """Ascending bearings and widths (count,) rad; True where the beams come in falling order.
+
+    Shared by many scans: not to be written to. (They are not marked read-only, since kernels would
+    then be compiled once more for them.)
+    """
     bearings: Floats = start + step * np.arange(count, dtype=np.float64)
     falling = (step < 0) != mirrored
     if mirrored:
@@ -57,7 +61,6 @@ def beams(start: float, step: float, count: int, mirrored: bool) -> tuple[Floats
     if falling:
         bearings = bearings[::-1].copy()
     widths = np.full(count, min(abs(step), 2 * pi), dtype=np.float64)
-    bearings.flags.writeable = widths.flags.writeable = False  # shared by many scans
     return bearings, widths, falling
 
 
