@@ -13,7 +13,7 @@ pitch, yaw). Any message type goes by `say(t, topic, type, **fields)`; fields le
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from math import cos, pi, sin
 from pathlib import Path
@@ -22,7 +22,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from formats.log import Container, Message, Topic
+from formats.log import Message, Topic
+from tests.memory_log import MemoryLog
 
 SECOND = 1_000_000_000
 START_NS = 1_600_000_000 * SECOND
@@ -288,27 +289,3 @@ class RosLog:
         }
         messages = [Message(topics[row[1], row[2]], row[0], row[4]) for row in rows]
         return MemoryLog(sorted(messages, key=lambda message: message.time_ns))
-
-
-class MemoryLog:
-    """A formats.log.Log over a list of messages."""
-
-    def __init__(self, messages: list[Message], path: Path = Path("memory")) -> None:
-        times = [message.time_ns for message in messages]
-        self.path = path
-        self._messages = messages
-        self.container = Container(
-            "memory", "none", 0, min(times, default=0), max(times, default=0), True, "complete"
-        )
-
-    def topics(self) -> list[Topic]:
-        """Sorted by name and type."""
-        found = {message.topic for message in self._messages}
-        return sorted(found, key=lambda topic: (topic.name, topic.type))
-
-    def messages(self, topics: Collection[Topic] | None = None) -> Iterator[Message]:
-        """In the order of log time."""
-        return (m for m in self._messages if topics is None or m.topic in topics)
-
-    def close(self) -> None:
-        """Nothing to give back."""

@@ -2,89 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
 
-from formats.drive import Drive
-from formats.errors import FormatError, Notes, UsageError
+from formats.errors import UsageError
 from formats.frame import Pose
-from formats.stream import Options, frames, survey
+from formats.stream import Options, frames
+from tests.parts import (
+    RANGES,
+    Add,
+    amcl,
+    brief_map,
+    drive,
+    few_scans,
+    global_odometry,
+    map_odom,
+    mount,
+    odom,
+    odometry,
+    opened,
+    reversed_map,
+    scans,
+    second_mount,
+    second_scan,
+    seldom_goal,
+    slashed,
+    truth,
+    vicon,
+)
 from tests.ros_logs import RosLog
-
-RANGES = [1.0, 2.0, 3.0]
-Add = Callable[[RosLog, float, float], None]  # log, time, metres driven
-
-
-def scans(log: RosLog, _t: float, _x: float) -> None:
-    log.scan(_t, RANGES)
-
-
-def mount(log: RosLog, t: float, _x: float) -> None:
-    if t == 0:
-        log.static("base_link", "laser", (0.2, 0.0, 0.0))
-
-
-def odom(log: RosLog, t: float, x: float) -> None:
-    log.tf(t, "odom", "base_link", (x, 0.0, 0.0))
-
-
-def map_odom(log: RosLog, t: float, _x: float) -> None:
-    log.tf(t, "map", "odom", (100.0, 0.0, 0.0))
-
-
-def vicon(log: RosLog, t: float, x: float) -> None:
-    log.tf(t, "lab_origin", "base_link", (200.0 + x, 0.0, 0.0))
-
-
-def truth(log: RosLog, t: float, x: float) -> None:
-    log.pose(t, "/truth", (300.0 + x, 0.0, 0.0))
-
-
-def amcl(log: RosLog, t: float, x: float) -> None:
-    log.amcl_pose(t, (400.0 + x, 0.0, 0.0))
-
-
-def odometry(log: RosLog, t: float, x: float) -> None:
-    log.odometry(t, (500.0 + x, 0.0, 0.0))
-
-
-def global_odometry(log: RosLog, t: float, x: float) -> None:
-    log.odometry(t, (600.0 + x, 0.0, 0.0), topic="/global", frame="map")
-
-
-def seldom_goal(log: RosLog, t: float, _x: float) -> None:
-    if t in (0.0, 2.5):
-        log.pose(t, "/goal", (900.0, 0.0, 0.0))
-
-
-def slashed(log: RosLog, t: float, x: float) -> None:
-    log.tf(t, "/map", "/odom", (100.0, 0.0, 0.0))
-    log.tf(t, "/odom", "/base_link", (x, 0.0, 0.0))
-
-
-def reversed_map(log: RosLog, t: float, _x: float) -> None:
-    log.tf(t, "odom", "map", (-100.0, 0.0, 0.0))
-
-
-def brief_map(log: RosLog, t: float, _x: float) -> None:
-    if t < 0.5:
-        log.tf(t, "map", "odom", (100.0, 0.0, 0.0))
-
-
-def drive(*adds: Add, steps: int = 30) -> RosLog:
-    log = RosLog()
-    for k in range(steps):
-        for add in adds:
-            add(log, k / 10, 0.05 * k)
-    return log
-
-
-def opened(log: RosLog, **options: object) -> tuple[Drive, Notes]:
-    notes = Notes()
-    return survey(log.opened(), notes, **options), notes  # type: ignore[arg-type]
-
 
 CASES: list[tuple[list[Add], Options, str, float]] = [
     # what the log holds, options, kind of source, x of the first pose
@@ -155,20 +103,6 @@ def test_a_scan_without_a_frame_sits_on_the_body_with_a_warning() -> None:
     found, notes = opened(log)
     assert found.poses[0, 0] == 0.0
     assert any("scans name no frame" in str(note) for note in notes.of("warning"))
-
-
-def second_scan(log: RosLog, t: float, _x: float) -> None:
-    log.scan(t, RANGES, topic="/rear", frame="rear")
-
-
-def second_mount(log: RosLog, t: float, _x: float) -> None:
-    if t == 0:
-        log.static("base_link", "rear", (-0.2, 0.0, 3.0))
-
-
-def few_scans(log: RosLog, t: float, _x: float) -> None:
-    if t < 0.2:
-        log.scan(t, RANGES, topic="/seldom")
 
 
 def test_several_scan_topics_are_listed_with_what_to_type() -> None:
@@ -248,43 +182,6 @@ def test_several_pose_topics_are_listed_with_what_to_type() -> None:
 
     with pytest.raises(UsageError, match=r"2 topics may be .* --pose /other or --pose /truth"):
         opened(drive(scans, mount, truth, other))
-
-
-ERRORS: list[tuple[list[Add], Options, int, str]] = [
-    ([odom], {}, 1, "no scans: looked for LaserScan"),
-    ([scans], {}, 1, "/scan: no pose source: looked for tf .* found none of these; .*--pose"),
-    ([scans, second_scan], {}, 1, "no pose source: looked for tf .* found none of these"),
-    ([scans, mount], {}, 1, "/scan: no pose source: .* found /tf_static .*base_link > laser"),
-    (
-        [scans, odom],
-        {},
-        1,
-        r"/scan: no transform base_link <- laser at 0.00 s \(30 of 30 scans\); "
-        "give --sensor-pose X,Y,YAW or record /tf_static",
-    ),
-    ([scans, truth], {}, 1, "no transform base_link <- laser .*--sensor-pose"),
-    ([scans, mount, odom], {"scan": "/none"}, 2, r"/none: no such topic; scans here: /scan"),
-    ([scans, mount, odom], {"scan": "/tf"}, 2, "/tf: tf2_msgs/msg/TFMessage is not a scan"),
-    ([scans, mount, odom], {"pose": "/none"}, 2, "/none: no such topic; poses here: none, or tf"),
-    ([scans, mount, odom], {"pose": "/scan"}, 2, "sensor_msgs/msg/LaserScan has no poses"),
-    ([scans, mount, odom], {"map_frame": "mapp"}, 2, "no frame mapp .* frames: base_link, laser"),
-    ([scans, mount, odom], {"base_frame": "bass"}, 2, "no frame bass .* frames: base_link, laser"),
-]
-
-
-@pytest.mark.parametrize(("adds", "options", "code", "text"), ERRORS)
-def test_errors_say_what_was_looked_for_and_what_to_do(
-    adds: list[Add], options: Options, code: int, text: str
-) -> None:
-    with pytest.raises(FormatError, match=text) as caught:
-        opened(drive(*adds), **options)
-    assert caught.value.exit_code == code
-    assert "\n" not in str(caught.value)
-
-
-def test_no_messages_is_said() -> None:
-    with pytest.raises(FormatError, match="no messages"):
-        opened(RosLog())
 
 
 def test_a_sensor_pose_replaces_what_tf_does_not_say() -> None:

@@ -17,7 +17,8 @@ from formats.frame import Pose
 from formats.log import Message, Topic
 from formats.stream import frames, open_log, survey
 from tests.drives import BEAMS, drive, points, surveyed
-from tests.ros_logs import START_NS, MemoryLog, RosLog
+from tests.memory_log import MemoryLog
+from tests.ros_logs import START_NS, RosLog
 
 SECOND = 1_000_000_000
 
