@@ -6,6 +6,7 @@ P(empty) < 0.5, that is iff its log-odds are strictly negative: a tie is empty.
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, floor, log
@@ -18,6 +19,7 @@ Update = Literal["bayes", "paper"]
 Floats = npt.NDArray[np.float64]
 Counted = npt.NDArray[np.uint32]
 P_MIN, P_MAX = 0.001, 0.999
+SAME = 1e-12  # log-odds that differ by less are equal: 1 - 0.9 is not 0.1 to the last bit
 
 
 def logit(p: float) -> float:
@@ -104,8 +106,8 @@ class Grid:
 def terms(p_levels: Sequence[float]) -> tuple[Floats, npt.NDArray[np.int64]]:
     """Log-odds magnitudes in ascending order, and each level's sign under each magnitude.
 
-    Levels whose log-odds are equal or opposite join as integers before they are multiplied, so
-    that ties are exactly 0 and sums have one order.
+    Levels whose log-odds are equal or opposite (to 1e-12) join as integers before they are
+    multiplied, so that ties are exactly 0 and sums have one order.
 
     Args:
         p_levels: P(empty) of each level.
@@ -114,11 +116,15 @@ def terms(p_levels: Sequence[float]) -> tuple[Floats, npt.NDArray[np.int64]]:
         magnitudes (m,) and signs (m, levels) of -1, 0 or 1.
     """
     weights = [logit(p) for p in p_levels]
-    sizes = sorted({abs(w) for w in weights} - {0.0})
+    sizes: list[float] = []
+    for size in sorted({abs(weight) for weight in weights}):
+        if size > SAME and (not sizes or size > sizes[-1] * (1.0 + SAME)):
+            sizes.append(size)
     signs = np.zeros((len(sizes), len(weights)), dtype=np.int64)
     for level, weight in enumerate(weights):
-        if weight != 0.0:
-            signs[sizes.index(abs(weight)), level] = 1 if weight > 0 else -1
+        m = bisect_right(sizes, abs(weight)) - 1
+        if m >= 0:
+            signs[m, level] = 1 if weight > 0 else -1
     return np.array(sizes, dtype=np.float64), signs
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from fractions import Fraction
 from math import inf, isnan, pi, sin
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy.typing as npt
 
 from formats.frame import Floats, Pose, Scan
 from formats.grid import Geometry
+from formats.result import Counts
 
 Cells = npt.NDArray[np.int64]
 Sector = tuple[float, float, int, int]  # its borders in rad, and the beams that bound it
@@ -182,3 +184,29 @@ def shares(
 
 # Every entry of replay.sensor.MODELS has its oracle here.
 READINGS: dict[str, Callable[..., Any]] = {"beam": beam, "eq10": shares, "eq15": shares}
+
+
+def exact_f(counts: Counts, beta: int) -> Fraction:
+    """Equation 14 in fractions, from precision and recall."""
+    pre, rec = exact_precision(counts), exact_recall(counts)
+    if pre + rec == 0:
+        return Fraction(0)
+    return (1 + beta**2) * pre * rec / (beta**2 * pre + rec)
+
+
+def exact_precision(counts: Counts) -> Fraction:
+    """Of what was found, how much is there."""
+    return Fraction(counts.tp, counts.tp + counts.fp) if counts.tp + counts.fp else Fraction(0)
+
+
+def exact_recall(counts: Counts) -> Fraction:
+    """Of what is there, how much was found."""
+    return Fraction(counts.tp, counts.tp + counts.fn) if counts.tp + counts.fn else Fraction(0)
+
+
+# Every entry of replay.scoring.METRICS has its oracle here.
+SCORES: dict[str, Callable[[Counts], Fraction]] = {
+    "precision": exact_precision,
+    "recall": exact_recall,
+    "f2": lambda counts: exact_f(counts, 2),
+}
