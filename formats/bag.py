@@ -24,13 +24,14 @@ import numpy.typing as npt
 
 from formats.bag_chunks import NONE, Chunk, Loaded, contents, index_entries, load
 from formats.bag_index import MAGIC
+from formats.bag_records import release
 from formats.bag_walk import survey
 from formats.errors import FormatError, Notes, printable
 from formats.log import Container, Message, Topic
 
 MAX_CHUNK = 256 << 20
 VERSION = re.compile(rb"#ROS(?:BAG|RECORD) V([0-9.]{1,9})")
-RELEASED = 64 << 20  # bytes of the file between two releases of its pages
+CACHE = 128 << 20  # bytes, decompressed, of chunks whose messages wait for their turn
 ROWS = 4096  # messages turned into Python numbers at a time
 WHOLE = ("complete", "no index")
 LATEST = 1 << 63
@@ -43,32 +44,27 @@ def fits(path: Path, head: bytes) -> bool:
     return VERSION.match(head) is not None
 
 
-def open_file(
-    path: Path, notes: Notes, max_chunk: int = MAX_CHUNK, unpacked: Path | None = None
-) -> Bag:
+def open_file(path: Path, notes: Notes, max_chunk: int = MAX_CHUNK) -> Bag:
     """Open a bag.
 
     Args:
-        path: the file, as the user names it.
+        path: the file.
         notes: where losses and oddities are counted.
-        max_chunk: bytes, the most that one chunk may hold, and that are kept decompressed.
-        unpacked: where its bytes lie, if `path` itself is compressed.
+        max_chunk: bytes, the most that one chunk may hold.
 
     Raises:
         FormatError: not a bag of format 2.0, encrypted, or without one readable record.
     """
-    return Bag(path, notes, max_chunk, unpacked)
+    return Bag(path, notes, max_chunk)
 
 
 class Bag:
     """An opened ROS 1 bag: a Log."""
 
-    def __init__(
-        self, path: Path, notes: Notes, max_chunk: int = MAX_CHUNK, unpacked: Path | None = None
-    ) -> None:
+    def __init__(self, path: Path, notes: Notes, max_chunk: int = MAX_CHUNK) -> None:
         self.path, self._notes, self._max_chunk = path, notes, max_chunk
         try:
-            with (unpacked or path).open("rb") as file:
+            with path.open("rb") as file:
                 self._map = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         except (OSError, ValueError) as error:
             raise FormatError(path, f"cannot be read: {error}") from error
@@ -98,6 +94,7 @@ class Bag:
         counts: Counter[int] = Counter()
         for number, chunk in enumerate(self._chunks):
             self._measure(number, chunk)
+            release(self._buffer, chunk.pos, chunk.end)
             counts.update(self._keyed(chunk, chunk.expected))
         for key, count in found.lost.items():
             topic = self._name(key)
@@ -188,7 +185,6 @@ class Bag:
             if chunk.expected.keys() & wanted.get(chunk.part, {}).keys()
         ]
         order.sort()
-        seen = 0
         pending: list[tuple[int, int, Rows]] = []  # a heap: next time, chunk, rows
         for (_, number), closed in pairwise([*order, END]):
             chunk = self._chunks[number]
@@ -197,18 +193,13 @@ class Bag:
                 heappush(pending, (int(rows[0, 0]), number, rows))
             for ready in _before(pending, closed):
                 yield from self._given(ready, wanted)
-            seen += chunk.end - chunk.data
-            if seen > RELEASED:
-                self._release()
-                seen = 0
-
-    def _release(self) -> None:
-        """Let go of mapped pages: once read, they would count as this process's memory."""
-        if hasattr(mmap, "MADV_DONTNEED"):  # not on Windows
-            self._map.madvise(mmap.MADV_DONTNEED)
+            release(self._buffer, chunk.pos, chunk.end)
+            self._forget({number for _, number, _ in pending})
 
     def _rows(self, number: int, conns: Collection[int]) -> Rows:
-        rows = self._load(number).rows
+        data, rows, *_ = self._load(number)
+        if self._chunks[number].compression != "none":
+            self._hold(number, data)
         table = np.column_stack([*rows, np.full(len(rows.times), number)])
         return table[np.isin(rows.conns, list(conns))]
 
@@ -234,17 +225,19 @@ class Bag:
     def _hold(self, number: int, data: memoryview) -> None:
         self._cache[number] = data
         held = sum(len(one) for one in self._cache.values())
-        while held > self._max_chunk and len(self._cache) > 1:
+        while held > CACHE and len(self._cache) > 1:
             held -= len(self._cache.popitem(last=False)[1])
 
+    def _forget(self, waiting: Collection[int]) -> None:
+        """Drop what is decompressed of chunks whose messages have all been given."""
+        for number in self._cache.keys() - waiting:
+            del self._cache[number]
+
     def _load(self, number: int) -> Loaded:
-        chunk = self._chunks[number]
-        loaded = load(self._buffer, chunk, self._max_chunk)
+        loaded = load(self._buffer, self._chunks[number], self._max_chunk)
         if number not in self._told:
             self._told.add(number)
-            self._tell(chunk, loaded)
-        if chunk.compression != "none":
-            self._hold(number, loaded.data)
+            self._tell(self._chunks[number], loaded)
         return loaded
 
     def _tell(self, chunk: Chunk, loaded: Loaded) -> None:

@@ -18,6 +18,7 @@ from formats.bag_records import (
     Record,
     connection,
     read_record,
+    release,
 )
 
 MAGIC = b"#ROSBAG V2.0\n"
@@ -100,6 +101,7 @@ def by_index_section(
         chunk.part = part
         chunk.start, chunk.end_ns = info.time(b"start_time"), info.time(b"end_time")
         chunks.append(chunk)
+        release(buffer, chunk.pos, chunk.end)
     known = {record.number(b"conn") for record in connections}
     if any(conn not in known for chunk in chunks for conn, _, _ in chunk.index):
         return None

@@ -6,6 +6,7 @@ Source: http://wiki.ros.org/Bags/Format/2.0.
 
 from __future__ import annotations
 
+import mmap
 import re
 from array import array
 from collections import Counter
@@ -24,6 +25,7 @@ FIELDS: dict[int, dict[bytes, int | None]] = {
     CONNECTION: {b"conn": 4, b"topic": None},
 }
 OUTSIDE_CHUNKS = (BAG_HEADER, INDEX, CHUNK, CHUNK_INFO)
+RELEASED = 32 << 20  # bytes of the file between two releases of its pages
 LONGEST_HEADER = 1 << 20
 HEADER = 46  # bytes from a message's start to its data: 4 + 38 + 4
 OP_FIELD = 8  # bytes: u32 length and "op=" and the code
@@ -61,6 +63,16 @@ class Record(NamedTuple):
     def text(self, name: bytes) -> str:
         """A field of text; bytes that are not UTF-8 are escaped."""
         return self.fields[name].decode("utf-8", "backslashreplace")
+
+
+def release(buffer: memoryview, pos: int, end: int) -> None:
+    """Let go of mapped pages when the bytes from `pos` to `end` pass a step of the file.
+
+    Pages that were read once would count as the process's memory; touched again, they come back.
+    """
+    here = hasattr(mmap, "MADV_DONTNEED") and isinstance(buffer.obj, mmap.mmap)  # not on Windows
+    if here and pos // RELEASED != end // RELEASED:
+        buffer.obj.madvise(mmap.MADV_DONTNEED)
 
 
 def header_fields(raw: bytes) -> dict[bytes, bytes] | None:

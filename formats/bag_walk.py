@@ -26,6 +26,7 @@ from formats.bag_records import (
     Record,
     find_record,
     read_record,
+    release,
 )
 from formats.errors import FormatError, Notes
 
@@ -91,7 +92,8 @@ class Walk:
         self.base = base
         pos = head.end if head else base + len(MAGIC)
         while pos < len(buffer) and not _glued(buffer, pos):
-            pos = self.step(pos)
+            last, pos = pos, self.step(pos)
+            release(buffer, last, pos)
         self.end = pos
         self.finish(head)
 

@@ -12,7 +12,7 @@ import re
 from collections.abc import Collection, Iterator
 from contextlib import suppress
 from dataclasses import replace
-from itertools import chain, pairwise
+from itertools import chain, islice, pairwise
 from pathlib import Path
 from typing import IO
 
@@ -48,21 +48,18 @@ def fits(path: Path, head: bytes) -> bool:
     return len(stems) == 1
 
 
-def open_file(
-    path: Path, notes: Notes, max_chunk: int = MAX_CHUNK, unpacked: Path | None = None
-) -> Rosbag2:
+def open_file(path: Path, notes: Notes, max_chunk: int = MAX_CHUNK) -> Rosbag2:
     """Open a folder or a .db3 file.
 
     Args:
-        path: folder or file, as the user names it.
+        path: folder or file.
         notes: where losses and oddities are counted.
         max_chunk: bytes, the most that one chunk or message may hold.
-        unpacked: where a file's bytes lie, if `path` itself is compressed.
 
     Raises:
         FormatError: nothing of it can be read.
     """
-    return Rosbag2(path, notes, max_chunk, unpacked)
+    return Rosbag2(path, notes, max_chunk)
 
 
 def _key(topic: Topic) -> Key:
@@ -79,10 +76,12 @@ def _head(path: Path) -> bytes:
 
 def _parts(folder: Path) -> list[str]:
     """Names of the files in a folder that are parts by their first bytes, sorted."""
+    try:
+        places = list(islice(folder.iterdir(), MOST_FILES))
+    except OSError:
+        return []
     names = []
-    for number, place in enumerate(folder.iterdir()):
-        if number >= MOST_FILES:
-            break
+    for place in places:
         if place.is_file() and not place.name.endswith(IGNORED):
             head = _head(place)
             if head.startswith(MAGIC) or mcap_log.fits(place, head) or _packed(place, head):
@@ -98,9 +97,7 @@ def _packed(path: Path, head: bytes) -> bool:
 class Rosbag2:
     """An opened recording of rosbag2's: a Log."""
 
-    def __init__(
-        self, path: Path, notes: Notes, max_chunk: int = MAX_CHUNK, unpacked: Path | None = None
-    ) -> None:
+    def __init__(self, path: Path, notes: Notes, max_chunk: int = MAX_CHUNK) -> None:
         self.path, self._notes, self._max_chunk = path, notes, max_chunk
         self._logs: list[Log] = []
         self._streams: list[IO[bytes]] = []
@@ -112,7 +109,7 @@ class Rosbag2:
             if path.is_dir():
                 self._open_folder()
             else:
-                self._logs.append(SqliteLog(path, notes, max_chunk, unpacked))
+                self._logs.append(SqliteLog(path, notes, max_chunk))
         except BaseException:
             self.close()
             raise

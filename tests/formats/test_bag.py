@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import tracemalloc
 from itertools import permutations
 from pathlib import Path
 
@@ -143,6 +144,22 @@ def test_a_small_chunk_cache_gives_the_same(tmp_path: Path) -> None:
     found, notes = read(tmp_path / "x.bag", raw, max_chunk=6_000)
     assert found == messages
     assert list(notes) == []
+
+
+@pytest.mark.parametrize("index", [True, False])
+def test_memory_does_not_grow_with_the_bag(tmp_path: Path, index: bool) -> None:
+    """Ten times the chunks, the same peak: what is decompressed goes once it has been given."""
+    peaks = []
+    for count in (800, 8_000):
+        path = tmp_path / f"{count}.bag"
+        path.write_bytes(make_bag(drive(count, 4_000), "lz4", 200_000, index=index).raw)
+        tracemalloc.start()
+        log = bag.open_file(path, Notes())
+        assert sum(1 for _ in log.messages()) == count
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        log.close()
+    assert peaks[1] < peaks[0] + 1_000_000  # of 24 MB more in the chunks
 
 
 def test_equal_times_keep_the_order_of_the_file(tmp_path: Path) -> None:
