@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parent.parent
 BLOCK = re.compile(r"^```console\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 PAGES = sorted(
     page
-    for page in [ROOT / "README.md", ROOT / "sample_logs" / "README.md", *(ROOT / "docs").glob("*.md")]
+    for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
     if BLOCK.search(page.read_text())
 )
 CLOCK = re.compile(r" in \d+\.\d s(?=,)")  # how long it took is not the same twice

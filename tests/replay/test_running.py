@@ -1,0 +1,159 @@
+"""`run` on the sample logs and on a real log with measured truth."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from formats.errors import FormatError, Notes, UsageError
+from formats.frame import Pose
+from formats.result import Result
+from formats.result_file import read_result
+from formats.stream import Options as StreamOptions
+from replay import run
+from replay.options import READING, effective
+
+SAMPLES = Path(__file__).resolve().parents[2] / "sample_logs"
+
+
+def sample(folder: Path, log: str = "turtlebot.mcap", **options: Any) -> Result:
+    return run(
+        SAMPLES / log,
+        SAMPLES / "plan.png",
+        output=folder / "out.replay.mcap",
+        **{"truth": SAMPLES / "truth.png", **options},
+    )
+
+
+@pytest.fixture(scope="module")
+def played(tmp_path_factory: pytest.TempPathFactory) -> Result:
+    return sample(tmp_path_factory.mktemp("run"))
+
+
+def f2(result: Result, part: str = "scores") -> dict[str, float]:
+    return {name: scores["f2"] for name, scores in result.facts[part].items()}
+
+
+def test_a_prior_helps_where_the_building_differs_from_its_plan(played: Result) -> None:
+    whole, seen = f2(played), f2(played, "observed")
+    assert whole["bayes"] >= whole["none"] + 0.15
+    assert seen["bayes"] >= seen["none"]
+    assert played.facts["scans"] == 807
+    assert played.facts["skipped"] == played.facts["lost"] == 0
+
+
+def test_the_result_holds_what_was_returned(played: Result) -> None:
+    kept = read_result(played.facts["result"])
+    assert kept.facts["scores"] == json.loads(json.dumps(played.facts["scores"]))
+    evidence = kept.evidence()
+    for name, curve in kept.curves.items():
+        assert np.array_equal(curve.of(evidence).values, played.grids[name].values)
+        assert np.array_equal(kept.counts[name], played.counts[name])
+    assert np.array_equal(kept.times_ns, played.times_ns)
+    assert kept.settings["resolution"] == 0.05
+    assert set(kept.attachments) >= {"plan.png", "plan.yaml", "truth.png", "truth.yaml"}
+
+
+def test_the_same_drive_in_two_containers_gives_the_same_map(
+    played: Result, tmp_path: Path
+) -> None:
+    bag = sample(tmp_path, "turtlebot.bag")
+    for name, grid in played.grids.items():
+        assert np.array_equal(grid.values, bag.grids[name].values)
+        assert np.array_equal(played.counts[name], bag.counts[name])
+
+
+def test_the_same_command_gives_the_same_maps_and_scores(played: Result, tmp_path: Path) -> None:
+    again = read_result(sample(tmp_path).facts["result"])
+    first = read_result(played.facts["result"])
+    assert again.changes[-1].frame == first.changes[-1].frame
+    for a, b in zip(again.changes, first.changes, strict=True):
+        assert a.where.tobytes() == b.where.tobytes()
+        assert a.added.tobytes() == b.added.tobytes()
+    assert all(np.array_equal(again.counts[n], first.counts[n]) for n in first.counts)
+
+
+def test_gates_thin_the_scans(tmp_path: Path) -> None:
+    assert sample(tmp_path, every=10).facts["scans"] == 81
+    sparse = sample(tmp_path, min_travel=0.1, force=True)
+    assert 100 < sparse.facts["scans"] < 500
+
+
+def test_without_a_truth_the_plan_is_taken_and_said(tmp_path: Path) -> None:
+    result = sample(tmp_path, truth=None, every=50)
+    assert result.facts["against"] == "against the plan"
+    assert result.facts["truth"] is None
+
+
+def test_outputs_are_not_overwritten(tmp_path: Path) -> None:
+    sample(tmp_path, every=100)
+    with pytest.raises(FormatError, match="--force"):
+        sample(tmp_path, every=100)
+    sample(tmp_path, every=100, force=True)
+    with pytest.raises(FormatError, match="input"):
+        run(SAMPLES / "turtlebot.mcap", SAMPLES / "plan.png", output=SAMPLES / "turtlebot.mcap")
+
+
+def test_a_mistyped_option_is_a_usage_error() -> None:
+    with pytest.raises(UsageError, match="did you mean p_wall"):
+        effective({"p_wal": 0.3})
+
+
+def test_options_of_reading_are_those_of_the_stream() -> None:
+    assert set(READING) <= set(StreamOptions.__annotations__)
+
+
+@pytest.mark.parametrize("sensor", ["eq10", "eq15"])
+def test_the_papers_sensors_map_too(tmp_path: Path, sensor: str) -> None:
+    result = sample(tmp_path, sensor=sensor, every=40)
+    assert f2(result)["bayes"] > f2(result)["none"]
+
+
+JARVIS = {
+    "pose": "/pose_ground_truth",
+    "plan_pose": Pose(-14.5115, -3.7328, 0.02681),
+    "pose_delay": 0.135,
+}
+
+
+@pytest.mark.parametrize(
+    ("topic", "scans"),
+    [("/driver_laser_navigation/laser_scan", 202), ("/driver_laser_security/laser_scan", 212)],
+)
+def test_a_real_log_with_measured_poses(
+    shared_data: Path, tmp_path: Path, topic: str, scans: int
+) -> None:
+    result = run(
+        shared_data / "bags/crob_lab/jarvis_circular_path_fast.bag",
+        shared_data / "maps/crob_lab/i-108_10mm.yaml",
+        output=tmp_path / "jarvis.replay.mcap",
+        scan=topic,
+        **JARVIS,  # type: ignore[arg-type]
+    )
+    assert result.facts["scans"] == scans
+    assert f2(result)["bayes"] >= f2(result)["none"] + 0.10
+
+
+def test_two_lasers_want_a_choice(shared_data: Path, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"laser_navigation.*laser_security.*--scan"):
+        run(
+            shared_data / "bags/crob_lab/jarvis_circular_path_fast.bag",
+            shared_data / "maps/crob_lab/i-108_10mm.yaml",
+            output=tmp_path / "jarvis.replay.mcap",
+        )
+
+
+def test_odometry_alone_is_said(shared_data: Path, tmp_path: Path) -> None:
+    notes = Notes()
+    folder = shared_data / "bags/olin_mac_floor1"
+    run(
+        folder / "macfirst_floor_take_2",
+        folder / "maps/mac_1st_floor_final.yaml",
+        output=tmp_path / "mac.replay.mcap",
+        notes=notes,
+    )
+    assert any("odometry alone" in note.problem for note in notes.of("warning"))
