@@ -85,11 +85,8 @@ class Bag:
             raise FormatError(self.path, f"is a bag of version {said}, not 2.0", hint=hint)
         found = survey(self.path, self._buffer, self._notes)
         self._connections, self._state, self._chunks = found.connections, found.state, found.chunks
-        if (
-            not self._chunks
-            and not self._connections
-            and self._state not in ("complete", "no index")
-        ):
+        empty = not self._chunks and not self._connections
+        if empty and self._state not in WHOLE:
             raise FormatError(self.path, f"holds no readable record ({self._state})")
         counts: Counter[int] = Counter()
         for number, chunk in enumerate(self._chunks):

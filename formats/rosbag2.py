@@ -18,7 +18,7 @@ from typing import IO
 
 from formats import mcap_log
 from formats.compression import DAMAGE, DECOMPRESSORS, open_stream, wrapper
-from formats.errors import FormatError, Notes
+from formats.errors import FormatError, Notes, printable
 from formats.log import Container, Log, Message, Topic
 from formats.rosbag2_metadata import NAME, Metadata, read_metadata
 from formats.sqlite_log import BESIDE, MAGIC, SqliteLog, left_beside
@@ -136,7 +136,7 @@ class Rosbag2:
                 errors.append(error)
                 count = self._meta.counts.get(name, 1)
                 self._notes.lose(error.path, error.problem, count=max(1, count))
-                self._remarks.append(f"part {name} {error.problem}")
+                self._remarks.append(f"part {printable(name)} {error.problem}")
         if not self._logs:
             raise errors[0] if errors else FormatError(self.path, "holds no part of a recording")
         self._compare()
@@ -159,9 +159,8 @@ class Rosbag2:
             return SqliteLog(place, self._notes, self._max_chunk, unpacked)
         if mcap_log.fits(place, head):
             return mcap_log.open_file(place, self._notes, self._max_chunk, unpacked)
-        raise FormatError(
-            place, "is empty" if not head else "is neither an SQLite nor an MCAP file"
-        )
+        what = "is neither an SQLite nor an MCAP file" if head else "is empty"
+        raise FormatError(place, what)
 
     def _compare(self) -> None:
         """Say where metadata.yaml and the parts differ; the parts are believed."""
