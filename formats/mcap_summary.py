@@ -56,10 +56,10 @@ def read_summary(data: memoryview) -> Summary:
     footer = cast("r.Footer", parse(r.FOOTER, data[footer_at + HEAD.size :]))
     if footer.summary_start == 0:
         return Summary("none")
+    if not len(r.MAGIC) <= footer.summary_start <= footer_at:
+        return Summary("malformed")
     if footer.summary_crc == 0:
         return Summary("no CRC")
-    if not len(r.MAGIC) <= footer.summary_start <= footer_at:
-        return Summary("CRC wrong")
     if crc32(data[footer.summary_start : len(data) - 12]) != footer.summary_crc:
         return Summary("CRC wrong")
     found = Summary("ok")
