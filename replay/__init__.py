@@ -7,7 +7,7 @@ from typing import Any
 
 # public name -> the module that has it; loaded when it is first asked for
 PUBLIC = {"run": "replay.running", "steps": "replay.pipeline", "export": "replay.exporting"}
-__all__ = ["export", "run", "steps"]  # noqa: F822 - they come by __getattr__
+__all__ = ["export", "run", "steps"]
 
 
 def __getattr__(name: str) -> Any:

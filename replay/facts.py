@@ -13,7 +13,6 @@ from formats.stream import Drive
 from replay.options import Options
 from replay.prior import breaks_e13
 from replay.scoring import METRICS
-from replay.sensor import MODELS
 from replay.world import World
 
 SHOWN = ("precision", "recall", "f2")
@@ -21,15 +20,18 @@ SHOWN = ("precision", "recall", "f2")
 
 def said(world: World, drive: Drive) -> dict[str, list[str]]:
     """Topic of the line -> lines: what was chosen and why."""
-    plan, geometry = world.plan, world.geometry
-    rows, cols = plan.occupancy.shape
-    size = f"{cols} x {rows} px of {plan.scale:g} m, {geometry.cols} x {geometry.rows} cells"
-    x, y, yaw = world.map_to_plan
-    where = f"at x {x:.3f} m, y {y:.3f} m, yaw {yaw:.4f} rad in {drive.choice.map_frame or 'map'}"
-    return {
-        "plan": [f"{printable(plan.path.name)}: {size} of {geometry.resolution:g} m", where],
-        "log": [printable(reason, 400) for reason in drive.choice.reasons],
-    }
+    geometry, frame = world.geometry, drive.choice.map_frame or "map"
+    size = f"{geometry.cols} x {geometry.rows} cells of {geometry.resolution:g} m"
+    lines = [f"none: no prior; {size}"]
+    if world.plan is not None:
+        rows, cols = world.plan.occupancy.shape
+        x, y, yaw = world.map_to_plan
+        name = printable(world.plan.path.name)
+        lines = [
+            f"{name}: {cols} x {rows} px of {world.plan.scale:g} m, {size}",
+            f"its frame lies at x {x:.3f} m, y {y:.3f} m, yaw {yaw:.4f} rad in {frame}",
+        ]
+    return {"plan": lines, "log": [printable(reason, 400) for reason in drive.choice.reasons]}
 
 
 def markdown(title: str, lines: dict[str, list[str]]) -> str:
@@ -46,32 +48,29 @@ def warn(world: World, drive: Drive, options: Options, notes: Notes) -> None:
             "poses come from odometry alone: they drift, and are not in the plan's frame unless "
             "--plan-pose says so",
         )
-    if options["update"] == "paper":
-        model = MODELS[options["sensor"]]
-        levels = model.p_levels(options["p_hit"], options["p_miss"])
-        p_hit, p_miss = (
-            1 - world.curves["paper"].p_levels[0],
-            1 - world.curves["paper"].p_levels[-1],
-        )
-        assert len(levels) == model.levels
-        broken = breaks_e13(
-            p_hit, p_miss, options["p_wall"], options["p_space"], options["prior_scale"]
-        )
+    if options["update"] == "paper" and world.plan is not None:
+        levels = world.curves["paper"].p_levels
+        asked = options["p_wall"], options["p_space"], options["prior_scale"]
+        broken = breaks_e13(1 - levels[0], 1 - levels[-1], *asked)
         if broken:
             notes.warn(world.plan.path, broken)
 
 
 def origin(world: World, drive: Drive, log: Log) -> dict[str, Any]:
     """What the result rests on: versions, hashes, choices."""
-    same = world.truth is world.plan
+    truth = world.truth
+    against = "against nothing: no plan and no truth"
+    if truth is not None:
+        name = "the plan" if truth is world.plan else printable(truth.path.name)
+        against = f"against {name}"
     return {
         "versions": {name: version(name) for name in ("plan-replay", "numpy", "numba", "rosbags")},
         "log": str(log.path),
         "container": log.container.kind,
-        "plan": str(world.plan.path),
-        "truth": None if same else str(world.truth.path),
-        "against": "against the plan" if same else f"against {printable(world.truth.path.name)}",
-        "inputs": {**world.plan.inputs, **world.truth.inputs},
+        "plan": None if world.plan is None else str(world.plan.path),
+        "truth": None if truth is None or truth is world.plan else str(truth.path),
+        "against": against,
+        "inputs": world.inputs,
         "scan": drive.choice.scan.name,
         "poses": str(drive.choice.source),
         "poses_depend_on": "log",

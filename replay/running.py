@@ -30,7 +30,7 @@ Source = str | PathLike[str]
 
 def run(
     logs: Source | Sequence[Source],
-    prior: Source,
+    prior: Source | None = None,
     *,
     truth: Source | None = None,
     output: Source | None = None,
@@ -47,7 +47,7 @@ def run(
 
     Args:
         logs: one log, or several of one run, merged by time.
-        prior: the plan.
+        prior: the plan; None: map without one.
         truth: what really stands there; None: the plan is taken for it.
         output: the result file; None: STEM.replay.mcap in the current folder.
         force: replace outputs that exist.
@@ -70,15 +70,15 @@ def run(
     if chosen["sensor"] not in MODELS:
         hint = f"there are {', '.join(MODELS)}"
         raise UsageError(chosen["sensor"], "no such sensor model", hint=hint)
-    inputs = [*sources, Path(prior), *([Path(truth)] if truth else [])]
+    inputs = [*sources, *(Path(path) for path in (prior, truth) if path)]
     out = Path(output) if output else Path(f"{stem(sources[0])}.replay.mcap")
     written = [out, *([Path(rrd)] if rrd else [])]
     for path in written:
         check_output(path, force=force, inputs=inputs)
-    plan = open_plan(
-        prior, notes, resolution=chosen["plan_resolution"], origin=chosen["plan_origin"]
-    )
+    scale, corner = chosen["plan_resolution"], chosen["plan_origin"]
+    plan = open_plan(prior, notes, resolution=scale, origin=corner) if prior else None
     real = open_plan(truth, notes) if truth else None
+    main = chosen["update"] if prior else "none"
     with ExitStack() as stack:
         log = open_log(sources, notes)
         stack.callback(log.close)
@@ -95,7 +95,7 @@ def run(
             out,
             geometry=world.geometry,
             curves=world.curves,
-            main=chosen["update"],
+            main=main,
             layers=world.kept(),
             settings={"logs": sources, "prior": prior, "truth": truth, **chosen},
             map_to_plan=world.map_to_plan,
@@ -108,8 +108,8 @@ def run(
         if rrd or view or connect:
             from replay.viewer import Scene, Viewer
 
-            title = f"{sources[0].name} over {plan.path.name}"
-            scene = Scene(title, world, facts.markdown(title, said), chosen["update"])
+            title = f"{sources[0].name} over {plan.path.name if plan else 'no plan'}"
+            scene = Scene(title, world, facts.markdown(title, said), main)
             viewer = Viewer(
                 scene, path=rrd, view=view, connect=connect, force=force, inputs=inputs, say=say
             )

@@ -59,7 +59,7 @@ class Scene(NamedTuple):
 
 def blueprint(scene: Scene) -> Any:
     """Map with prior, map without, errors, the three scores over time, and the report."""
-    x0, y0, x1, y1 = scene.world.plan.extent  # what lies beyond it is a scroll away
+    x0, y0, x1, y1 = scene.world.extent  # what lies beyond it is a scroll away
 
     def view(name: str, entity: str) -> Any:
         return rrb.Spatial2DView(

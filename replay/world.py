@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import ceil
 from pathlib import Path
 from typing import Any, Literal
 
@@ -22,6 +23,7 @@ from replay.sensor import MODELS
 Region = Literal["footprint", "image", "observed"]
 Bools = npt.NDArray[np.bool_]
 MOST_CELLS = 100_000_000
+TINY = 1e-3  # m: a robot that stands still still has an extent
 PAPER_HIT, PAPER_MISS = 0.9, 0.1  # P(occupied): 0.7 / 0.4 would break the paper's E13
 
 
@@ -30,16 +32,16 @@ class World:
     """What stands before the first frame: the lattice, the prior's curves and the truth on it.
 
     Attributes:
-        plan: as read.
+        plan: as read; None where the log is mapped without one.
         truth: the truth's plan; the plan itself where no other is given.
-        layers: what the plan says by cell.
-        curves: "none", "bayes", "paper".
+        layers: what the plan says by cell; nothing where there is none.
+        curves: "none", and with a plan "bayes" and "paper".
         wall, scored: cells that are wall in truth, and cells that count; (rows, cols).
         map_to_plan: pose of the plan's frame in the frame of the poses.
     """
 
-    plan: Plan
-    truth: Plan
+    plan: Plan | None
+    truth: Plan | None
     layers: CellLayers
     curves: dict[str, Curve]
     wall: Bools
@@ -54,7 +56,19 @@ class World:
     @property
     def files(self) -> list[Path]:
         """Plan, truth and their yamls, each once."""
-        return [Path(name) for name in {**self.plan.inputs, **self.truth.inputs}]
+        return [Path(name) for name in self.inputs]
+
+    @property
+    def inputs(self) -> dict[str, str]:
+        """Path -> SHA-256 of those."""
+        read = [plan.inputs for plan in (self.plan, self.truth) if plan is not None]
+        return {path: digest for inputs in read for path, digest in inputs.items()}
+
+    @property
+    def extent(self) -> Extent:
+        """What is worth looking at: the plan, else the truth, else the whole lattice; m."""
+        ground = self.plan or self.truth
+        return ground.extent if ground is not None else self.geometry.extent
 
     def kept(self) -> dict[str, npt.NDArray[Any]]:
         """What re-scoring needs of each cell, by field of the result's CellLayers."""
@@ -82,49 +96,47 @@ def place(plan: Plan, plan_pose: Pose | None) -> Pose:
 
 
 def lattice(
-    plan: Plan, bounds: Extent, map_to_plan: Pose, resolution: float, reach: float
+    ground: Plan | None, bounds: Extent, map_to_plan: Pose, resolution: float, reach: float
 ) -> Geometry:
-    """Cells over the plan and over what the sensor can reach from its poses.
+    """Cells over the plan, where there is one, and over what the sensor reaches from its poses.
 
     Raises:
         FormatError: the robot never comes onto the plan; the lattice would be too large.
     """
-    x0, y0, x1, y1 = plan.extent
     a, b, c, d = bounds
     corners = map_to_plan.inverse().apply([(a, b), (a, d), (c, b), (c, d)])
     (left, low), (right, high) = corners.min(axis=0), corners.max(axis=0)
-    if not overlap(plan.extent, (left - 1e-3, low - 1e-3, right + 1e-3, high + 1e-3)):
+    box = (left - reach, low - reach, right + reach, high + reach)
+    if ground is not None:
+        x0, y0, x1, y1 = ground.extent
+        if not overlap(ground.extent, (left - TINY, low - TINY, right + TINY, high + TINY)):
+            raise FormatError(
+                ground.path,
+                f"the plan (x {x0:.1f} to {x1:.1f} m, y {y0:.1f} to {y1:.1f} m) and the run "
+                f"(x {left:.1f} to {right:.1f} m, y {low:.1f} to {high:.1f} m) do not overlap",
+                hint="give --plan-pose X,Y,YAW or --plan-origin",
+            )
+        box = (min(x0, box[0]), min(y0, box[1]), max(x1, box[2]), max(y1, box[3]))
+    cells = ceil((box[2] - box[0]) / resolution) * ceil((box[3] - box[1]) / resolution)
+    if cells > MOST_CELLS:
         raise FormatError(
-            plan.path,
-            f"the plan (x {x0:.1f} to {x1:.1f} m, y {y0:.1f} to {y1:.1f} m) and the run "
-            f"(x {left:.1f} to {right:.1f} m, y {low:.1f} to {high:.1f} m) do not overlap",
-            hint="give --plan-pose X,Y,YAW or --plan-origin",
-        )
-    geometry = Geometry.covering(
-        min(x0, left - reach),
-        min(y0, low - reach),
-        max(x1, right + reach),
-        max(y1, high + reach),
-        resolution,
-    )
-    if geometry.rows * geometry.cols > MOST_CELLS:
-        raise FormatError(
-            plan.path,
-            f"{geometry.cols} x {geometry.rows} cells of {resolution} m are too many",
+            ground.path if ground is not None else "",
+            f"{cells:,} cells of {resolution:g} m are too many",
             hint="give a coarser --resolution or a shorter --max-range",
         )
-    return geometry
+    return Geometry.covering(*box, resolution)
 
 
 def curves_of(
     layers: CellLayers,
+    drawn: bool,
     sensor: str,
     p_hit: float | None,
     p_miss: float | None,
     update: Update,
     prior: Mapping[str, Any],
 ) -> dict[str, Curve]:
-    """No prior, and the prior under both rules of update.
+    """No prior and, where there is a plan, its prior under both rules of update.
 
     The `paper` curve of a `bayes` run takes the paper's own sensor, 0.9 / 0.1, from the same
     counts; where `paper` is the rule of the run, all curves take the run's sensor.
@@ -134,6 +146,8 @@ def curves_of(
         p_hit = PAPER_HIT if p_hit is None else p_hit
         p_miss = PAPER_MISS if p_miss is None else p_miss
     levels = tuple(model.p_levels(p_hit, p_miss))
+    if not drawn:
+        return {"none": Curve(no_prior(layers), levels)}
     paper = levels if update == "paper" else tuple(model.p_levels(PAPER_HIT, PAPER_MISS))
     informative = build_prior(layers, **prior)
     return {
@@ -161,7 +175,7 @@ def truth_beside(truth: Plan, plan: Plan) -> Plan:
 
 
 def build_world(
-    plan: Plan,
+    plan: Plan | None,
     truth: Plan | None,
     bounds: Extent,
     reach: float,
@@ -180,7 +194,7 @@ def build_world(
     """Plan, truth and prior on one lattice.
 
     Args:
-        plan: with its resolution known.
+        plan: None: there is no prior, and no score unless a truth is given.
         truth: None: the plan is taken for it.
         bounds: x0, y0, x1, y1 of the poses, m.
         reach: m that the sensor sees beyond them.
@@ -195,15 +209,24 @@ def build_world(
     Raises:
         FormatError: nothing says where plan or truth lie; they do not overlap the run.
     """
-    map_to_plan = place(plan, plan_pose)
-    geometry = lattice(plan, bounds, map_to_plan, resolution, reach)
-    layers = cell_layers(plan, geometry, notes=notes)
-    curves = curves_of(layers, sensor, p_hit, p_miss, update, {**prior, "rule": cell_rule})
-    real = plan if truth is None else truth_beside(truth, plan)
-    if real is plan:
+    ground = plan or truth
+    map_to_plan = Pose(0.0, 0.0, 0.0) if ground is None else place(ground, plan_pose)
+    geometry = lattice(ground, bounds, map_to_plan, resolution, reach)
+    layers = blank(geometry) if plan is None else cell_layers(plan, geometry, notes=notes)
+    rule = {**prior, "rule": cell_rule}
+    curves = curves_of(layers, plan is not None, sensor, p_hit, p_miss, update, rule)
+    real = truth_beside(truth, plan) if truth and plan else truth or plan
+    if real is None or real is plan:
         wall, scored = layers.walls(cell_rule), layers.footprint
     else:
-        wall, scored = truth_cells(real, geometry, cell_rule, frame=plan.frame, notes=notes)
-    if region != "footprint":
+        frame = ground.frame if ground else None
+        wall, scored = truth_cells(real, geometry, cell_rule, frame=frame, notes=notes)
+    if region != "footprint" and plan is not None:
         scored = layers.pixels > 0
     return World(plan, real, layers, curves, wall, scored, map_to_plan)
+
+
+def blank(geometry: Geometry) -> CellLayers:
+    """What no plan says of any cell."""
+    nothing = np.zeros(geometry.shape, dtype=np.uint32)
+    return CellLayers(geometry, nothing, nothing, nothing, nothing > 0)

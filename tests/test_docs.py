@@ -21,7 +21,7 @@ PAGES = sorted(
     for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
     if BLOCK.search(page.read_text())
 )
-CLOCK = re.compile(r" in \d+\.\d s(?=,)")  # how long it took is not the same twice
+CLOCK = re.compile(r" in \d+\.\d s(?=,|$)", re.MULTILINE)  # how long it took is not the same twice
 
 
 def same_every_time(text: str) -> str:

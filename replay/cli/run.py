@@ -16,9 +16,8 @@ from replay.cli.values import NOT_NEGATIVE, POSITIVE, PROBABILITY, PoseType, ans
 @click.option(
     "--prior",
     metavar="PLAN",
-    required=True,
     type=click.Path(path_type=Path),
-    help="The plan: png, pgm, jpg, tiff, or a map_server yaml.",
+    help="The plan: png, pgm, jpg, tiff, or a map_server yaml; without it, no prior.",
 )
 @click.option(
     "--truth",

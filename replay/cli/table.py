@@ -17,14 +17,14 @@ def run_report(result: Result) -> str:
     skipped = f", {facts['skipped']} skipped" if facts["skipped"] else ""
     lost = f", {facts['lost']} lost" if facts["lost"] else ""
     took, span = facts["seconds"]["whole"], facts["log_seconds"]
-    lines.append(
-        _line(
-            "map",
-            f"{facts['scans']} scans{skipped}{lost}, {span:.1f} s in {took:.1f} s, "
-            f"{facts['explored']:.0%} of the scored cells observed",
+    mapped = f"{facts['scans']} scans{skipped}{lost}, {span:.1f} s in {took:.1f} s"
+    if facts["plan"] or facts["truth"]:
+        lines.append(
+            _line("map", f"{mapped}, {facts['explored']:.0%} of the scored cells observed")
         )
-    )
-    lines += score_table(facts)
+        lines += score_table(facts)
+    else:
+        lines += [_line("map", mapped), _line("score", facts["against"])]
     for path in facts["written"]:
         lines.append(_line("wrote", printable(path)))
     return "\n".join(lines)
