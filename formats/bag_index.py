@@ -83,7 +83,8 @@ def by_index_section(
     want = Counter(
         {CONNECTION: head.number(b"conn_count"), CHUNK_INFO: head.number(b"chunk_count")}
     )
-    connections, infos = [], []
+    connections: list[Record] = []
+    infos: list[Record] = []
     end = start = base + head.number(b"index_pos")
     for record in records(buffer, start) if sum(want.values()) else ():
         (connections if record.op == CONNECTION else infos).append(record)

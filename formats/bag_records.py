@@ -70,9 +70,10 @@ def release(buffer: memoryview, pos: int, end: int) -> None:
 
     Pages that were read once would count as the process's memory; touched again, they come back.
     """
-    here = hasattr(mmap, "MADV_DONTNEED") and isinstance(buffer.obj, mmap.mmap)  # not on Windows
-    if here and pos // RELEASED != end // RELEASED:
-        buffer.obj.madvise(mmap.MADV_DONTNEED)
+    pages = buffer.obj
+    passed = pos // RELEASED != end // RELEASED
+    if passed and isinstance(pages, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
+        pages.madvise(mmap.MADV_DONTNEED)
 
 
 def header_fields(raw: bytes) -> dict[bytes, bytes] | None:

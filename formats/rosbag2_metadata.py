@@ -71,7 +71,7 @@ def _refuse(raw: bytes) -> None:
     """Raise ValueError for what rosbag2 does not write and what could harm."""
     depth = 0
     for event in yaml.parse(raw, Loader=Loader):
-        at = f"line {event.start_mark.line + 1}"
+        at = f"line {event.start_mark.line + 1}" if event.start_mark else "an unknown line"
         if isinstance(event, yaml.AliasEvent):
             raise ValueError(f"a YAML alias at {at}")
         if isinstance(event, yaml.NodeEvent) and getattr(event, "tag", None):

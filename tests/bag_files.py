@@ -1,18 +1,18 @@
-"""ROS 1 bags and rosbag2 folders written by hand for tests: by the formats' descriptions alone."""
+"""ROS 1 bags written by hand for tests, by the format's description alone."""
 
 from __future__ import annotations
 
 import bz2
 import random
-import sqlite3
 import struct
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import lz4.frame
 
+from formats import bag
+from formats.errors import Notes
 from formats.log import Log
 
 
@@ -29,6 +29,26 @@ def raws(log: Log, names: Iterable[str] | None = None) -> list[Raw]:
     """Everything in a log, or its topics of these names, as plain values."""
     topics = None if names is None else [t for t in log.topics() if t.name in set(names)]
     return [Raw(m.topic.name, m.time_ns, bytes(m.data)) for m in log.messages(topics)]
+
+
+def read_bag(path: Path, raw: bytes, max_chunk: int = bag.MAX_CHUNK) -> tuple[list[Raw], Notes]:
+    """Write these bytes, read them as a bag."""
+    path.write_bytes(raw)
+    notes = Notes()
+    log = bag.open_file(path, notes, max_chunk)
+    found = raws(log)
+    log.close()
+    return found, notes
+
+
+def told(notes: Notes) -> list[str]:
+    """What was said, whatever its kind."""
+    return [note.problem for note in notes]
+
+
+def spoil(raw: bytes, pos: int, new: bytes) -> bytes:
+    """The same bytes with others from `pos` on."""
+    return raw[:pos] + new + raw[pos + len(new) :]
 
 
 def drive(count: int = 300, size: int = 400, seed: int = 1) -> list[Raw]:
@@ -206,87 +226,3 @@ def make_bag(
     if index:
         out += b"".join(records.values()) + infos
     return Bag(bytes(out), places, end)
-
-
-# ---------------------------------------------------------------------------- rosbag2
-
-SCHEMAS = {
-    1: "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL,"
-    " serialization_format TEXT NOT NULL);",
-    2: "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL,"
-    " serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL);",
-    4: "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL,"
-    " serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL,"
-    " type_description_hash TEXT NOT NULL);",
-}
-SCHEMAS[3] = SCHEMAS[2]
-MESSAGES = (
-    "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL,"
-    " timestamp INTEGER NOT NULL, data BLOB NOT NULL);"
-)
-INDEX = "CREATE INDEX timestamp_idx ON messages (timestamp ASC);"
-METADATA = (
-    "CREATE TABLE schema(schema_version INTEGER PRIMARY KEY, ros_distro TEXT NOT NULL);"
-    "CREATE TABLE metadata(id INTEGER PRIMARY KEY, metadata_version INTEGER NOT NULL,"
-    " metadata TEXT NOT NULL);"
-)
-DEFINITIONS = (
-    "CREATE TABLE message_definitions(id INTEGER PRIMARY KEY, topic_type TEXT NOT NULL,"
-    " encoding TEXT NOT NULL, encoded_message_definition TEXT NOT NULL,"
-    " type_description_hash TEXT NOT NULL);"
-)
-QOS = "- history: 3\n  depth: 0\n  reliability: 1\n  durability: {}\n  deadline:\n    sec: 0\n"
-
-
-def write_db3(
-    path: Path,
-    messages: Iterable[tuple[str, int, Any]],
-    schema: int = 4,
-    index: bool = True,
-    latched: Sequence[str] = (),
-    encoding: str = "cdr",
-) -> None:
-    """A .db3 file as recorders of that schema version write it."""
-    db = sqlite3.connect(path)
-    if schema >= 3:
-        db.executescript(METADATA)
-        db.execute("INSERT INTO schema VALUES (?, 'jazzy')", (schema,))
-    db.executescript(SCHEMAS[schema] + (DEFINITIONS if schema == 4 else "") + MESSAGES)
-    if index:
-        db.executescript(INDEX)
-    numbers: dict[str, int] = {}
-    for topic, time, data in messages:
-        if topic not in numbers:
-            numbers[topic] = len(numbers) + 1
-            durability = (1 if schema < 4 else "transient_local") if topic in latched else 2
-            row = [numbers[topic], topic, "std_msgs/msg/String", encoding]
-            row += [QOS.format(durability)] * (schema > 1) + ["hash"] * (schema > 3)
-            db.execute(f"INSERT INTO topics VALUES ({','.join('?' * len(row))})", row)
-        values = (numbers[topic], time, data)
-        db.execute("INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)", values)
-    if schema == 4:
-        row = ["std_msgs/msg/String", "ros2msg", "string data\n", "hash"]
-        db.execute("INSERT INTO message_definitions VALUES (1, ?, ?, ?, ?)", row)
-    db.commit()
-    db.close()
-
-
-def write_metadata(
-    folder: Path,
-    parts: Sequence[str],
-    total: int,
-    more: str = "",
-    fields: Mapping[str, object] | None = None,
-) -> None:
-    """A metadata.yaml; `fields` replace its first-level values."""
-    values: dict[str, object] = {
-        "version": 5,
-        "storage_identifier": "sqlite3",
-        "message_count": total,
-        "compression_format": '""',
-        "compression_mode": '""',
-        "relative_file_paths": "[" + ", ".join(parts) + "]",
-    } | dict(fields or {})
-    text = "rosbag2_bagfile_information:\n"
-    text += "".join(f"  {name}: {value}\n" for name, value in values.items())
-    (folder / "metadata.yaml").write_text(text + more, encoding="utf-8")
