@@ -1,0 +1,31 @@
+"""An architectural drawing taken apart into walls, doors, outline and layers of removed ink."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from replay.drawing.shapes import Door, Drawing, Gray
+
+__all__ = ["Door", "Drawing", "Method", "extract"]
+Method = Literal["structural"]
+
+
+def extract(
+    gray: Gray, *, resolution: float | None = None, method: Method = "structural"
+) -> Drawing:
+    """Walls, doors and outline of a drawing.
+
+    Args:
+        gray: (H, W) uint8.
+        resolution: m / px where it is known; it bounds the size of doors. Else the drawing's own
+            doors give the scale.
+        method: "structural".
+
+    Raises:
+        ValueError: not a picture (H, W) of uint8.
+    """
+    if gray.ndim != 2 or gray.dtype != "uint8" or gray.size == 0:
+        raise ValueError(f"a grey picture (H, W) of uint8 is needed, not {gray.shape} {gray.dtype}")
+    from replay.drawing.structural import structural
+
+    return {"structural": structural}[method](gray, resolution)

@@ -107,7 +107,8 @@ def test_real_annotations_lie_on_the_ink(shared_data: Path) -> None:
     if not folder.is_dir():
         pytest.skip(f"no CVC-FP at {folder}")
     gray = cv2.imread(str(folder / "IId_CT0401.png"), cv2.IMREAD_GRAYSCALE)
-    truth = read_truth(folder / "IId_CT0401_gt_3.svg", gray.shape)
-    ink = gray < 128  # this drawing's walls are filled
+    assert gray is not None
+    truth = read_truth(folder / "IId_CT0401_gt_3.svg", (gray.shape[0], gray.shape[1]))
+    ink = np.asarray(gray) < 128  # this drawing's walls are filled
     assert (ink & truth.walls).sum() / truth.walls.sum() > 0.9
     assert (ink & ~truth.walls).sum() / ink.sum() < 0.35

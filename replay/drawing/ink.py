@@ -1,0 +1,93 @@
+"""Gray picture to ink: what is drawn at all, how thick each stroke is, how it runs.
+
+Nothing here knows of walls. Pictures are (H, W), masks uint8 of 0 and 1 inside this package.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+Gray = npt.NDArray[np.uint8]
+Bits = npt.NDArray[np.uint8]
+Floats = npt.NDArray[np.float32]
+
+PAPER_SHARE = 0.25  # ink is darker than paper by this share of the darkest tone's distance
+DARK_PERCENTILE = 20  # of the pixels that differ from paper: the tone of full ink
+FAINT = 12  # grey levels below paper that are a faint line, on a sheet without grain
+GRAIN = 0.01  # share of pixels that are nearly paper; a scan has more, a plot fewer
+
+
+def upright(gray: Gray) -> Gray:
+    """Dark ink on bright paper: a picture that is mostly dark is turned over."""
+    counts = np.bincount(gray.ravel(), minlength=256)
+    return 255 - gray if counts[:128].sum() > counts[128:].sum() else gray
+
+
+def binarise(gray: Gray) -> Bits:
+    """Ink as 1: darker than paper by a quarter of the way to the tone of full ink.
+
+    Light grey hatching and thin grey lines count, the grain of a scanned sheet does not. Paper is
+    what most pixels show.
+    """
+    counts = np.bincount(gray.ravel(), minlength=256)
+    paper = int(counts.argmax())
+    dark = counts[: max(1, paper - 15)]
+    if dark.sum() == 0:
+        return np.zeros(gray.shape, dtype=np.uint8)
+    full = int(np.searchsorted(dark.cumsum(), dark.sum() * DARK_PERCENTILE / 100))
+    return (gray < paper - PAPER_SHARE * (paper - full)).astype(np.uint8)
+
+
+def faint(gray: Gray, ink: Bits) -> Bits:
+    """Ink with its faintest lines, which plotters use for door arcs; the ink alone on a scan."""
+    counts = np.bincount(gray.ravel(), minlength=256)
+    paper = int(counts.argmax())
+    if counts[max(0, paper - FAINT) : paper].sum() > GRAIN * gray.size:
+        return ink
+    return ink | (gray < paper - FAINT).astype(np.uint8)
+
+
+def square(side: int) -> Bits:
+    """A structuring element."""
+    return np.ones((side, side), dtype=np.uint8)
+
+
+def grown(mask: Bits, side: int) -> Bits:
+    """The mask dilated by a square of `side` px."""
+    return np.asarray(cv2.dilate(mask, square(side)), dtype=np.uint8)
+
+
+def distance(mask: Bits) -> Floats:
+    """Distance in px of every pixel of the mask to the nearest one outside it."""
+    deep = cv2.distanceTransform(mask, cv2.DIST_L2, cv2.DIST_MASK_5)
+    return np.asarray(deep, dtype=np.float32)
+
+
+def opened(mask: Bits, side: int) -> Bits:
+    """What a square of `side` px fits into."""
+    return np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, square(side)), dtype=np.uint8)
+
+
+def opened_by(mask: Bits, size: tuple[int, int]) -> Bits:
+    """What a rectangle of (rows, cols) px fits into."""
+    block = np.ones(size, dtype=np.uint8)
+    return np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, block), dtype=np.uint8)
+
+
+def closed(mask: Bits, side: int) -> Bits:
+    """The mask with gaps of less than `side` px filled, not glued to the picture's edge."""
+    padded = cv2.copyMakeBorder(mask, side, side, side, side, cv2.BORDER_CONSTANT, value=0)
+    out = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, square(side))
+    return np.ascontiguousarray(out[side:-side, side:-side], dtype=np.uint8)
+
+
+def directions(ink: Bits, sigma: float = 2.5) -> tuple[Floats, Floats, Floats]:
+    """Normals (nx, ny) of the strokes by their structure tensor, and how surely (0 to 1)."""
+    soft = cv2.GaussianBlur(ink.astype(np.float32), (0, 0), 1.0)
+    gx, gy = cv2.Scharr(soft, cv2.CV_32F, 1, 0), cv2.Scharr(soft, cv2.CV_32F, 0, 1)
+    xx, yy, xy = (cv2.GaussianBlur(g, (0, 0), sigma) for g in (gx * gx, gy * gy, gx * gy))
+    gap = np.sqrt((xx - yy) ** 2 + 4 * xy * xy)
+    angle = 0.5 * np.arctan2(2 * xy, xx - yy)
+    return np.cos(angle), np.sin(angle), gap / (xx + yy + 1e-9)

@@ -1,0 +1,105 @@
+"""The structural method: strokes, cells and arcs to walls and doors, on any style of drawing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from time import perf_counter
+
+import cv2
+import numpy as np
+
+from replay.drawing.arcs import find_arcs
+from replay.drawing.cells import Cells
+from replay.drawing.ink import Bits, Gray, binarise, faint, grown, opened, upright
+from replay.drawing.layers import outline, sorted_ink
+from replay.drawing.shapes import Door, Drawing
+from replay.drawing.swing import Leaf, choose_doors, leaves_of, usual_width
+from replay.drawing.walls import find_walls
+
+LARGE = 36_000_000  # px: larger pictures are worked on at half their size
+LEAST_DOOR = 8.0  # px: below, walls of 10 cm are less than a pixel
+DOOR_M = 0.8  # m, the usual width of a leaf (EN and DIN sizes run from 0.7 to 1.0)
+SMALLEST, LARGEST = 1 / 220, 1 / 5  # of the longer side: radii of doors where no scale is known
+ALIKE = 1.25  # ratio within which widths of doors are one usual width
+WALL_DOORS = 5.0  # walls of 15 cm to a door, where a drawing has walls alone
+
+
+def structural(gray: Gray, resolution: float | None = None) -> Drawing:
+    """Walls, doors and outline of a drawing.
+
+    Args:
+        gray: (H, W) uint8, dark on bright or bright on dark.
+        resolution: m / px where it is known; else the doors give the scale.
+    """
+    started = perf_counter()
+    gray = upright(gray)
+    ink = binarise(gray)
+    lines = faint(gray, ink)
+    half = gray.size > LARGE
+    if half:
+        ink, lines = _halved(ink), _halved(lines)
+    door = DOOR_M / resolution / (2 if half else 1) if resolution else 0.0
+    seconds = {"ink": perf_counter() - started}
+    leaves = _leaves(lines, door)
+    door = max(LEAST_DOOR, door or usual_width(leaves) or _by_walls(ink))
+    seconds["doors"] = perf_counter() - started - seconds["ink"]
+    walls, layers = find_walls(ink, door)
+    doors, windows = choose_doors(leaves, walls, lines, door)
+    seconds["walls"] = perf_counter() - started - sum(seconds.values())
+    inside = outline(walls, door)
+    layers = sorted_ink(lines, walls, inside, doors, windows, layers, door)
+    seconds["layers"] = perf_counter() - started - sum(seconds.values())
+    shape = gray.shape[0], gray.shape[1]
+    if half:
+        walls, inside = _doubled(walls, shape), _doubled(inside, shape)
+        layers = {name: _doubled(layer, shape) for name, layer in layers.items()}
+        doors = [_twice(leaf) for leaf in doors]
+        door *= 2
+    masks = {name: layer.astype(np.bool_) for name, layer in layers.items()}
+    return Drawing(walls.astype(np.bool_), doors, inside.astype(np.bool_), masks, door, seconds)
+
+
+def _leaves(lines: Bits, door: float) -> list[Leaf]:
+    """Arcs with a leaf, of any plausible size."""
+    longer = max(lines.shape)
+    low = max(12.0, SMALLEST * longer) if not door else 0.55 * door
+    high = LARGEST * longer if not door else 1.8 * door
+    thin = lines & (1 - grown(opened(lines, 9), 3))
+    return leaves_of(lines, find_arcs(thin, low, high))
+
+
+def _by_walls(ink: Bits) -> float:
+    """Px of a door where none is drawn: five times the usual width of long narrow cells."""
+    cells = Cells.of(ink, 0.02 * ink.size)
+    long = (cells.length > 8 * cells.width) & (cells.width > 2)
+    long[0] = False
+    if not long.any():
+        return max(ink.shape) / 40
+    order = np.argsort(cells.width[long])
+    reached = np.cumsum(cells.length[long][order])
+    middle = cells.width[long][order][int(np.searchsorted(reached, reached[-1] / 2))]
+    return float(WALL_DOORS * (middle + 2))
+
+
+def _halved(mask: Bits) -> Bits:
+    """A pixel for each two by two: ink where any of them is, so that no thin line is lost."""
+    rows, cols = mask.shape
+    even = np.pad(mask, ((0, rows % 2), (0, cols % 2)))
+    return np.ascontiguousarray(
+        even.reshape((rows + 1) // 2, 2, (cols + 1) // 2, 2).max(axis=(1, 3))
+    )
+
+
+def _doubled(mask: Bits, shape: tuple[int, int]) -> Bits:
+    """A halved mask at its first size."""
+    out = cv2.resize(mask, None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST)
+    return np.ascontiguousarray(out[: shape[0], : shape[1]], dtype=np.uint8)
+
+
+def _twice(door: Door) -> Door:
+    """A door of the halved picture in pixels of the whole one."""
+    return replace(
+        door,
+        hinge=(2 * door.hinge[0] + 0.5, 2 * door.hinge[1] + 0.5),
+        end=(2 * door.end[0] + 0.5, 2 * door.end[1] + 0.5),
+    )

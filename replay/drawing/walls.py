@@ -1,0 +1,223 @@
+"""Walls from ink: solid strokes, hatched bands, cavities, and the room between double lines.
+
+All lengths are in door widths, the drawing's own scale, so that no thickness in pixels is fixed.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from replay.drawing.cells import Cells
+from replay.drawing.ink import Bits, closed, grown, opened
+
+SHEET = 0.75  # of the picture's sides: what reaches so far may be the sheet's border
+FRAME_INK = 0.4  # of all ink: a building has more
+LETTER = 0.8  # door widths: smaller lone strokes are text, dots and ticks
+COLUMN = 0.13  # door widths: a solid rectangle of that side is a column, not a letter
+THINNEST, THICKEST = 0.04, 0.6  # door widths: walls of 3 to 50 cm
+HATCH = 0.22  # door widths: the widest slit of a hatching
+DIAGONAL = 22.0  # degrees about 45 that a hatching may run
+BLOCK = 0.75  # door widths: what is thicker in both directions is furniture, stairs or paving
+BRIDGE = 4.0  # door widths: gaps between walls of one building, for windows and porches
+SCRAP = 0.04  # of the largest building's walls: less is no building
+BOLD = 1.3  # times the usual line: the lines of walls where these are drawn bold
+ENDLESS = 40.0  # square door widths: a larger cell is a room, not the room in a wall
+GAP = 0.01  # of the ink: what a gap between the thickness of lines and of walls may hold
+LONG = 2.5  # door widths: strokes of letters are shorter
+SOLID_INK = 0.1  # of all ink: less solid wall than this is no style
+OUTER = 0.19  # door widths: no outer wall is thinner (15 cm)
+OUTER_SHARE = 0.45  # of the solid walls' area: with less as thick as that, hollow is the style
+
+
+def frame(ink: Bits) -> Bits:
+    """The sheet's border with the title block that hangs on it: wide around, little ink."""
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(ink, connectivity=8)
+    around = (stats[:, 2] > SHEET * ink.shape[1]) & (stats[:, 3] > SHEET * ink.shape[0])
+    around &= stats[:, 4] < FRAME_INK * float(ink.sum())
+    around[0] = False
+    return around[labels].astype(np.uint8)
+
+
+def beside_frame(ink: Bits, border: Bits) -> Bits:
+    """The fields that the sheet's border cuts off, all but the one that holds most ink."""
+    if not border.any():
+        return np.zeros_like(ink)
+    count, labels = cv2.connectedComponents(1 - border, connectivity=4)
+    held = np.bincount(np.asarray(labels)[ink > 0], minlength=count)
+    other = np.arange(count) != int(held.argmax())
+    return other[labels].astype(np.uint8)
+
+
+def letters(ink: Bits, door: float) -> Bits:
+    """Lone small strokes: text, dots, ticks. Solid rectangles stay, they are columns."""
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(ink, connectivity=8)
+    wide, high, area = stats[:, 2], stats[:, 3], stats[:, 4]
+    least, most = np.minimum(wide, high), np.maximum(wide, high)
+    solid = (area > 0.85 * wide * high) & (least > COLUMN * door) & (most < 2 * least)
+    small = (most < LETTER * door) & ~solid
+    small[0] = False
+    return small[labels].astype(np.uint8)
+
+
+def line_thickness(ink: Bits) -> int:
+    """The thickness in px that most of the strokes' length has."""
+    areas = np.array([float(ink.sum())] + [float(opened(ink, k).sum()) for k in range(2, 10)])
+    return 1 + int(np.argmax((areas[:-1] - areas[1:]) / np.arange(1, len(areas))))
+
+
+def solid_side(ink: Bits, line: int, door: float) -> int:
+    """Side of the square that solid walls pass and lines do not: the first gap in thickness.
+
+    Strokes are either lines or walls (from about 3 cm on). The square grows until one step more
+    loses hardly any ink; where there is no such gap, to where it loses least.
+    """
+    low = max(2, round(THINNEST * door), round(1.5 * line))
+    high = max(low + 1, round(0.085 * door))
+    areas = np.array([float(opened(ink, side).sum()) for side in range(low, high + 2)])
+    lost = areas[:-1] - areas[1:]
+    gap = np.flatnonzero(lost < GAP * float(ink.sum()))
+    return low + 1 + int(gap[0] if len(gap) else np.argmin(lost))
+
+
+def find_walls(ink: Bits, door: float) -> tuple[Bits, dict[str, Bits]]:
+    """Walls, solid, and what was told apart on the way.
+
+    Args:
+        ink: (H, W).
+        door: px, the usual width of a leaf.
+    """
+    layers = {"frame": frame(ink)}
+    ink = ink & (1 - layers["frame"])
+    layers["title block"] = ink & beside_frame(ink, layers["frame"])
+    ink = ink & (1 - layers["title block"])
+    layers["text"] = letters(ink, door)
+    ink = ink & (1 - layers["text"])
+    line = line_thickness(ink)
+    side = solid_side(ink, line, door)
+    solid = ink & grown(opened(ink, side), 3)
+    cells = Cells.of(ink, ENDLESS * door * door)
+    hatched = _hatched(ink, cells, solid, door)
+    walls = solid | hatched
+    if _is_hollow_style(ink, walls, line, door):
+        hollow = _hollow(ink, cells, walls, line, door)
+        walls = opened(walls | hollow | ink, side) & grown(walls | hollow, 2 * side + 1)
+    walls = _with_cavities(ink, cells, walls, door, side)
+    layers["hatching"] = hatched & (1 - solid)
+    walls = _buildings(walls, door)
+    return walls, layers
+
+
+def _hatched(ink: Bits, cells: Cells, solid: Bits, door: float) -> Bits:
+    """Bands filled by slanted slits between two lines."""
+    off = np.abs(np.abs(np.degrees(cells.angle)) - 45)
+    slit = (cells.width <= HATCH * door) & (off < DIAGONAL) & (cells.long > 1.5 * cells.short)
+    slit &= (cells.area < 0.4 * door * door) & (cells.long < 0.9 * door) & ~cells.outside
+    marks = cells.pick(slit)
+    tiny = cells.pick(
+        (cells.width <= HATCH * door) & (cells.area < 0.4 * door * door) & ~cells.outside
+    )
+    near = grown(marks, max(3, round(0.12 * door)) | 1)
+    band = opened((ink | marks | (tiny & near)) & near, max(3, round(0.07 * door)))
+    band &= 1 - opened(band, round(BLOCK * door))
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(band, connectivity=8)
+    slits = np.array([0.0] * count)
+    centre = labels[(marks > 0) & (labels > 0)]
+    slits += np.bincount(centre, minlength=count)
+    good = (slits > 0.3 * stats[:, 4]) & (np.maximum(stats[:, 2], stats[:, 3]) > 0.5 * door)
+    good[0] = False
+    return good[labels].astype(np.uint8)
+
+
+def _is_hollow_style(ink: Bits, walls: Bits, line: int, door: float) -> bool:
+    """Whether double lines stand for walls here: what is solid is too thin for outer walls."""
+    factor = max(1, round(door / 24))
+    long = round(LONG * door / factor)
+    thick = opened(walls, max(round(OUTER * door), 3 * line + 1))
+    area = [float(_straight(_coarse(m, factor), long).sum()) for m in (thick, walls)]
+    if area[1] * factor * factor < SOLID_INK * float(ink.sum()):
+        return True
+    return area[0] <= OUTER_SHARE * area[1]
+
+
+def _coarse(mask: Bits, factor: int) -> Bits:
+    """A smaller mask: a pixel for each block that holds any."""
+    small = cv2.resize(mask, None, fx=1 / factor, fy=1 / factor, interpolation=cv2.INTER_AREA)
+    return (
+        cv2.resize(mask * 255, (small.shape[1], small.shape[0]), interpolation=cv2.INTER_AREA) > 60
+    ).astype(np.uint8)
+
+
+def _hollow(ink: Bits, cells: Cells, solid: Bits, line: int, door: float) -> Bits:
+    """Cells between the two lines of a wall, told from windows and furniture by their lines.
+
+    Where walls have a solid lining, cells along it and cells that turn a corner are wall. Where
+    walls are drawn in bold lines, cells between bold lines are. Else every long narrow cell is.
+    """
+    narrow = (cells.width <= 0.5 * door) & (cells.width > 0.03 * door)
+    narrow &= cells.length > 1.2 * cells.width
+    bent = narrow & (cells.length > 2.5 * door) & (cells.short > 1.6 * cells.width)
+    lined = cells.bordering(grown(solid, 3)) > 0.2
+    lined &= narrow & (cells.length > 1.2 * door) & (cells.width > 0.08 * door)
+    thick = sum(opened(ink, k).astype(np.float32) for k in range(1, 3 * line + 3))
+    bold = narrow & (cells.bordering(np.asarray(thick)) > BOLD * line)
+    area = {
+        name: float(cells.area[which].sum())
+        for name, which in (("bent", bent), ("lined", lined), ("bold", bold))
+    }
+    if area["lined"] > 0.3 * area["bent"] and solid.any():
+        for _ in range(2):  # the outer leaf lies beside the cavity, which lies beside the lining
+            taken = cells.pick(bent | lined)
+            beside = cells.bordering(grown(taken, 2 * line + 3))
+            lined |= narrow & (beside > 0.3) & (cells.length > 0.3 * door)
+        return cells.pick(bent | lined)
+    if float(cells.area[bold & bent].sum()) > 0.5 * area["bent"]:
+        return cells.pick(bold)
+    chosen = cells.pick(narrow & (cells.length > 2 * cells.width))
+    return chosen & (1 - opened(chosen | ink, round(BLOCK * door)))
+
+
+def _with_cavities(ink: Bits, cells: Cells, walls: Bits, door: float, side: int) -> Bits:
+    """Fill the cells that walls enclose: the gap between a hatched leaf and its lining."""
+    for _ in range(2):
+        around = cells.bordering(grown(walls, 5))
+        inside = (around > 0.85) & (cells.width <= 0.35 * door) & ~cells.outside
+        filled = walls | cells.pick(inside)
+        walls = walls | (closed(filled, 2 * side + 1) & (ink | filled))
+        walls = opened(walls, side)
+    return walls
+
+
+def _buildings(walls: Bits, door: float) -> Bits:
+    """Straight walls and columns that hang together over doors and windows, without scraps."""
+    factor = max(1, round(door / 24))
+    small = door / factor
+    coarse = _coarse(walls, factor)
+    straight = _straight(coarse, round(0.6 * small))
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(coarse, connectivity=8)
+    column = (stats[:, 4] > 0.7 * stats[:, 2] * stats[:, 3]) & (
+        np.minimum(stats[:, 2], stats[:, 3]) > COLUMN * small
+    )
+    column[0] = False
+    kept = grown(straight, 2 * round(0.15 * small) + 1) & coarse | column[labels].astype(np.uint8)
+    reach = grown(kept, 2 * round(BRIDGE * small / 2) + 1)
+    count, labels = cv2.connectedComponents(reach, connectivity=8)
+    mass = np.bincount(labels[straight > 0], minlength=count).astype(np.float64)
+    mass[0] = 0
+    kept &= (mass > SCRAP * mass.max())[labels].astype(np.uint8)
+    full = cv2.resize(kept, walls.shape[::-1], interpolation=cv2.INTER_NEAREST)
+    return walls & grown(full, 2 * factor + 1)
+
+
+def _straight(mask: Bits, length: int) -> Bits:
+    """Where a straight line of `length` px fits into the mask, in one of 12 directions."""
+    out = np.zeros_like(mask)
+    for turn in np.arange(12) * np.pi / 12:
+        reach = length / 2 * np.array([np.cos(turn), np.sin(turn)])
+        size = 2 * int(np.ceil(np.abs(reach).max())) + 1
+        line = np.zeros((size, size), dtype=np.uint8)
+        middle = np.array([size // 2, size // 2])
+        a, b = np.rint(middle - reach).astype(int), np.rint(middle + reach).astype(int)
+        cv2.line(line, (int(a[0]), int(a[1])), (int(b[0]), int(b[1])), 1)
+        out |= np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, line), dtype=np.uint8)
+    return out

@@ -1,0 +1,92 @@
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from replay.drawing import extract
+from replay.plan_scores import score_doors, score_hinges, score_walls
+from tests.drawings import DOOR, Sheet, flat
+
+
+@pytest.mark.parametrize("style", ["filled", "hatched"])
+def test_walls_are_found_in_any_style_and_nothing_else_is(style: str) -> None:
+    sheet = flat(style)
+    found = extract(sheet.gray)
+    score = score_walls(found.walls, sheet.walls)
+    assert score.f1_3px > 0.97
+    assert score.iou > 0.85
+    assert not found.walls[625:].any()  # the title
+    assert not found.walls[:95].any()  # the dimension line
+
+
+def test_walls_between_two_lines_are_found_where_no_wall_is_filled() -> None:
+    sheet = Sheet.of(700, 900)
+    for box in ((100, 100, 800, 124), (100, 500, 800, 524), (100, 100, 124, 524)):
+        sheet.wall(*box)
+    sheet.wall(776, 100, 800, 524)
+    sheet.gray[:] = 255
+    inner = sheet.walls.astype(np.uint8)
+    edges = inner - cv2.erode(inner, np.ones((3, 3), np.uint8))
+    sheet.gray[edges > 0] = 0
+    found = extract(sheet.gray, resolution=0.01)
+    assert score_walls(found.walls, sheet.walls).f1_3px > 0.97
+
+
+def test_every_door_is_found_with_its_hinge_and_width() -> None:
+    sheet = flat()
+    found = extract(sheet.gray)
+    truth = [door.sector() for door in sheet.doors]
+    assert score_doors(found.doors, truth) == (1, 1, 1)
+    assert score_hinges(found.doors, truth).f1 == 1.0
+    assert abs(found.door_width - DOOR) < 3
+
+
+def test_light_lines_on_a_dark_ground_give_the_same() -> None:
+    sheet = flat()
+    assert (extract(sheet.gray).walls == extract(255 - sheet.gray).walls).all()
+
+
+def test_the_outline_holds_the_rooms_and_not_the_margin() -> None:
+    sheet = flat()
+    outline = extract(sheet.gray).outline
+    assert outline[250, 300]
+    assert outline[500, 500]
+    assert not outline[650:].any()
+    truth = np.zeros_like(outline)
+    truth[100:600, 100:900] = True
+    assert (outline & truth).sum() / (outline | truth).sum() > 0.97
+
+
+def test_layers_share_no_pixel_and_hold_all_ink() -> None:
+    sheet = flat()
+    layers = extract(sheet.gray).layers
+    total = np.sum([mask.astype(int) for mask in layers.values()], axis=0)
+    assert total.max() == 1
+    assert total[sheet.gray < 128].all()
+    assert not total[sheet.gray == 255].any()
+    assert layers["text"][640:].sum() > 0.95 * (sheet.gray[640:] < 128).sum()
+
+
+@pytest.mark.parametrize("value", [255, 0, 128])
+def test_a_sheet_of_one_colour_has_nothing(value: int) -> None:
+    found = extract(np.full((200, 300), value, dtype=np.uint8))
+    assert not found.walls.any()
+    assert found.doors == []
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 50), (3, 3), (40, 7)])
+def test_tiny_pictures_are_taken(shape: tuple[int, int]) -> None:
+    gray = np.full(shape, 255, dtype=np.uint8)
+    gray[0, 0] = 0
+    assert extract(gray).walls.shape == shape
+
+
+def test_noise_is_taken() -> None:
+    gray = np.random.default_rng(7).integers(0, 256, (300, 400)).astype(np.uint8)
+    assert extract(gray).walls.shape == (300, 400)
+
+
+def test_what_is_no_grey_picture_is_refused() -> None:
+    with pytest.raises(ValueError, match="grey picture"):
+        extract(np.zeros((4, 4, 3), dtype=np.uint8))
