@@ -216,7 +216,7 @@ class Observer:
         self._aim(scan)
         self._ranges[:] = scan.ranges
         g, touched = self.geometry, 0
-        place = ((pose.x - g.x) * self.scale, (pose.y - g.y) * self.scale, pose.yaw)
+        place = ((pose.x - g.x) * self.scale, (pose.y - g.y) * self.scale, float(pose.yaw))
         if all(isfinite(v) and abs(v) < 1e12 for v in place):
             limits = self.limits(scan)
             touched = self._read(place, limits, counts)
