@@ -40,14 +40,8 @@ def markdown(title: str, lines: dict[str, list[str]]) -> str:
     return "\n".join([f"# {title}", *items])
 
 
-def warn(world: World, drive: Drive, options: Options, notes: Notes) -> None:
+def warn(world: World, options: Options, notes: Notes) -> None:
     """What the user should know before believing the scores."""
-    if not drive.choice.in_map:
-        notes.warn(
-            drive.log.path,
-            "poses come from odometry alone: they drift, and are not in the plan's frame unless "
-            "--plan-pose says so",
-        )
     if options["update"] == "paper" and world.plan is not None:
         levels = world.curves["paper"].p_levels
         asked = options["p_wall"], options["p_space"], options["prior_scale"]

@@ -85,7 +85,7 @@ def run(
         drive = survey(log, notes, **among(chosen, READING))
         reach = min(drive.limit if drive.limit > 0.0 else inf, chosen["max_range"])
         world = build_world(plan, real, drive.bounds, reach, notes, **among(chosen, WORLD))
-        facts.warn(world, drive, chosen, notes)
+        facts.warn(world, chosen, notes)
         mapper = Mapper(
             world.geometry, chosen["sensor"], max_range=reach, no_return=chosen["no_return"]
         )

@@ -63,7 +63,7 @@ def blueprint(scene: Scene) -> Any:
 
     def view(name: str, entity: str) -> Any:
         return rrb.Spatial2DView(
-            origin="/plan",
+            origin="/",  # above the flip: inside it y would point down
             name=name,
             contents=["+ /plan", f"+ /plan/{entity}/**", "+ /plan/robot/**", "+ /plan/drawing/**"],
             visual_bounds=rrb.VisualBounds2D(x_range=(x0, x1), y_range=(-y1, -y0)),

@@ -107,6 +107,43 @@ def test_views_do_not_complain(recorded: tuple[Path, Any], tmp_path: Path) -> No
     assert picture.stat().st_size > 50_000
 
 
+def test_north_is_up(tmp_path: Path) -> None:
+    """A plan whose lower half is wall must show dark below and light above."""
+    import cv2
+
+    from formats.errors import Notes
+    from formats.frame import Frame, Pose, Scan
+    from formats.plan_file import open_plan
+    from replay.mapper import Mapper
+    from replay.pipeline import steps
+    from replay.viewer import Scene, Viewer
+    from replay.world import build_world
+    from scripts.figures import screenshot
+    from tests.worlds import world_png
+
+    rows = ["." * 40] * 20 + ["#" * 40] * 20
+    plan = open_plan(
+        world_png(tmp_path / "plan.png", "\n".join(rows)),
+        Notes(),
+        resolution=0.1,
+        origin=Pose(7.0, 3.0, 0.0),
+    )
+    world = build_world(plan, None, (8.0, 6.0, 8.0, 6.0), 1.0, Notes(), region="image")
+    nothing = Scan(np.zeros(1), np.full(1, 0.1), np.full(1, np.nan), 0.1, 1.0)
+    with Viewer(Scene("half", world, "# half"), path=tmp_path / "half.rrd") as viewer:
+        frame = Frame(0, Pose(8.0, 6.0, 0.0), nothing)
+        for step in steps(iter([frame]), 1, world, Mapper(world.geometry)):
+            viewer.write(step)
+    try:
+        screenshot(tmp_path / "half.rrd", tmp_path / "half.png", at_s=0.0)
+    except ConnectionError as error:
+        pytest.skip(f"no viewer without a Vulkan driver (mesa-vulkan-drivers): {error}")
+    shown = cv2.imread(str(tmp_path / "half.png"), cv2.IMREAD_GRAYSCALE)
+    assert shown is not None
+    first = shown[70:640, 100:540].astype(float)  # the view of the map with prior
+    assert first[: len(first) // 2 - 40].mean() > first[len(first) // 2 + 40 :].mean() + 30
+
+
 def test_errors_are_coloured_by_kind() -> None:
     occupied = np.array([[True, True, False, False, True]])
     truth = np.array([[True, False, True, False, True]])
