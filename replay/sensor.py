@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formats.frame import Pose, Scan
-from formats.grid import Counted, Geometry
+from formats.grid import P_MAX, P_MIN, Counted, Geometry
 from replay.sensor_fill import read
 from replay.sensor_kernels import Floats, Ints
 
@@ -93,13 +93,16 @@ class Model:
     def p_levels(self, p_hit: float | None = None, p_miss: float | None = None) -> list[float]:
         """P(empty) of each level, rounded to 12 digits so that 0.9 * 5 / 9 is a tie.
 
+        No reading is certain: they are clamped to 0.001..0.999.
+
         Args:
             p_hit, p_miss: P(occupied) of a full hit and a full miss; None for the default.
         """
         hit = self.p_hit if p_hit is None else p_hit
         miss = self.p_miss if p_miss is None else p_miss
         shares = [k / (self.levels - 1) for k in range(self.levels)]
-        return [round(self.empty(share, hit, miss), 12) for share in shares]
+        levels = [round(self.empty(share, hit, miss), 12) for share in shares]
+        return [min(max(p, P_MIN), P_MAX) for p in levels]
 
 
 def linear(share: float, p_hit: float, p_miss: float) -> float:

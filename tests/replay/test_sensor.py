@@ -406,6 +406,12 @@ def test_p_levels_by_hand() -> None:
     assert MODELS["eq15"].p_levels()[:3] == [0.1, 0.132, 0.164]
 
 
+def test_no_reading_is_certain() -> None:
+    for model in MODELS.values():
+        levels = model.p_levels(1.0, 0.0)
+        assert (levels[0], levels[-1]) == (0.001, 0.999)
+
+
 def test_equation_10_by_hand() -> None:
     nine = dataclasses.replace(MODELS["eq10"], samples=3)  # a cell of 3 x 3 map pixels
     assert nine.p_levels() == [0.1, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9]
