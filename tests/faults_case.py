@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
+from formats.grid import Evidence
+
 Map = Literal["same", "part", "own"]
 """Of the evidence: equal to the sound log's; nowhere above it, and some; or something of its own.
 
@@ -23,11 +25,15 @@ class Given:
         log: the LOG, or several.
         plan: the PLAN, where it is not the sound one.
         options: more arguments.
+        like: a sound log whose evidence this one must give, instead of the sound drive's.
+        check: looks at the evidence.
     """
 
     log: Path | str | Sequence[Path | str] | None = None
     plan: Path | str | None = None
     options: Sequence[str | Path] = ()
+    like: Path | None = None
+    check: Callable[[Evidence], object] | None = None
 
 
 @dataclass(frozen=True)

@@ -20,14 +20,15 @@ import pytest
 from formats.grid import Evidence
 from formats.result_file import read_result
 from replay.cli import _exit_code
-from tests import faults_mcap
+from tests import faults_mcap, faults_scans
 from tests.faults_case import Case, Given
 from tests.faults_world import drive, write_plan
 
-CASES: list[Case] = [*faults_mcap.table.cases]
+CASES: list[Case] = [*faults_mcap.table.cases, *faults_scans.table.cases]
 ROWS = range(1, 73)
 MOST_MEMORY, MOST_SECONDS = 1 << 20, 20.0  # kB, s
 KINDS = ("replay: ", "warning: ", "skipped: ", "lost: ")
+Counted = dict[tuple[int, int], tuple[int, ...]]
 _sockets: list[str] = []
 
 
@@ -39,7 +40,7 @@ def _listen(event: str, _arguments: Any) -> None:
 sys.addaudithook(_listen)
 
 
-def sparse(evidence: Evidence) -> dict[tuple[int, int], tuple[int, ...]]:
+def sparse(evidence: Evidence) -> Counted:
     """Counts by the cell's number on the plane, so that evidence of other extents compares."""
     g = evidence.geometry
     row0, col0 = round(g.y / g.resolution), round(g.x / g.resolution)
@@ -50,13 +51,18 @@ def sparse(evidence: Evidence) -> dict[tuple[int, int], tuple[int, ...]]:
     }
 
 
-@pytest.fixture(scope="module")
-def sound(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[int, int], tuple[int, ...]]:
-    """Evidence of the log without a fault."""
-    folder = tmp_path_factory.mktemp("sound")
-    log, out = drive().write(folder / "drive.mcap"), folder / "out.mcap"
-    assert _exit_code(["run", str(log), "--prior", str(write_plan(folder)), "-o", str(out)]) == 0
+def evidence_of(log: Path, plan: Path, out: Path) -> Counted:
+    """What comes of a log without a fault."""
+    words = ["run", str(log), "--prior", str(plan), "-o", str(out)]
+    assert _exit_code(words) == 0
     return sparse(read_result(out).evidence())
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory: pytest.TempPathFactory) -> Counted:
+    """Evidence of the drive without a fault."""
+    folder = tmp_path_factory.mktemp("sound")
+    return evidence_of(drive().write(folder / "a.mcap"), write_plan(folder), folder / "out")
 
 
 def peak() -> int:
@@ -81,9 +87,8 @@ def _bounded() -> Iterator[None]:
     assert _sockets == []
 
 
-def arguments(given: Path | Given, plan: Path) -> tuple[list[str], list[str]]:
+def arguments(given: Given, plan: Path) -> tuple[list[str], list[str]]:
     """Of `replay run`, and the names of the files that a message may speak of."""
-    given = given if isinstance(given, Given) else Given(given)
     logs = given.log if isinstance(given.log, list | tuple) else [given.log]
     logs = [str(log) for log in logs if log is not None]
     prior = str(given.plan or plan)
@@ -99,10 +104,14 @@ def test_fault(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
-    sound: dict[tuple[int, int], tuple[int, ...]],
+    sound: Counted,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    words, names = arguments(case.make(tmp_path), write_plan(tmp_path))
+    plan, given = write_plan(tmp_path), case.make(tmp_path)
+    given = given if isinstance(given, Given) else Given(given)
+    words, names = arguments(given, plan)
+    if given.like:
+        sound = evidence_of(given.like, plan, tmp_path / "like")
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
     capsys.readouterr()
     code = _exit_code([*words[:1], "-o", "out.replay.mcap", *words[1:]])
@@ -133,7 +142,10 @@ def test_fault(
         assert sum(line.startswith("replay: ") for line in lines) == 1
         return
     assert new == {result}
-    compare(case, sparse(read_result(result).evidence()), sound)
+    evidence = read_result(result).evidence()
+    compare(case, sparse(evidence), sound)
+    if given.check:
+        given.check(evidence)
 
 
 def compare(case: Case, found: dict[Any, Any], sound: dict[Any, Any]) -> None:
