@@ -48,24 +48,26 @@ def see_slab(
     """
     fx, fy, cx, cy = lens
     height = level[2, 3]
-    least = math.inf
+    least, per_px, per_unit = math.inf, 1.0 / fx, 1.0 / unit
     for v in range(low.shape[0]):
         down = (v - cy) / fy
         for u in range(low.shape[1]):
-            right = (u - cx) / fx
+            right = (u - cx) * per_px
             ahead = level[0, 0] * right + level[0, 1] * down + level[0, 2]
             left = level[1, 0] * right + level[1, 1] * down + level[1, 2]
             up = level[2, 0] * right + level[2, 1] * down + level[2, 2]
             flat = math.sqrt(ahead * ahead + left * left)
             start, end = 1.0, 0.0
             if ahead > 0.0 and abs(left) <= SIDEWAYS * ahead:
-                start, end = limits[0] / flat, limits[1] / flat
+                per_m = per_unit / flat
+                start, end = limits[0] * per_m, limits[1] * per_m
                 if up != 0.0:
-                    one, other = (slab[0] - height) / up, (slab[1] - height) / up
+                    per_rise = per_unit / up
+                    one, other = (slab[0] - height) * per_rise, (slab[1] - height) * per_rise
                     start, end = max(start, min(one, other)), min(end, max(one, other))
                 elif not slab[0] <= height <= slab[1]:
                     end = 0.0
-                start, end = max(start / unit, 1e-6), end / unit
+                start = max(start, 1e-6)
                 if whole:
                     start, end = max(math.ceil(start), 1.0), min(math.floor(end), 65535.0)
             if start <= end:
