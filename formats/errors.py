@@ -24,8 +24,8 @@ def one_line(path: Path, problem: str, topic: str = "", at: str = "", hint: str 
     parts = [printable(path), printable(topic)] if topic else [printable(path)]
     text = ": ".join([part for part in parts if part] + [printable(problem, 2000)])
     if at:
-        text += f" at {at}"
-    return f"{text}; {hint}" if hint else text
+        text += f" at {printable(at)}"
+    return f"{text}; {printable(hint, 2000)}" if hint else text
 
 
 class FormatError(Exception):

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from formats.choice import Choice, described
 from formats.clock import SECOND, Times
-from formats.errors import FormatError
+from formats.errors import FormatError, printable
 from formats.gathering import Gathered, ScanTimes
 from formats.poses import Kind
 from formats.sifting import APART_S, apart_s, seconds
@@ -82,7 +82,7 @@ def tell_missing(
         lost[rows] = False
         if not rows.size:
             continue
-        problem = f"no {gap.what}"
+        problem = f"no {printable(gap.what)}"
         if gap.why is Why.GAP:
             problem += " within its gaps"
         elif gap.why is Why.JUMP:

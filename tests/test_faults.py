@@ -20,13 +20,14 @@ import pytest
 from formats.grid import Evidence
 from formats.result_file import read_result
 from replay.cli import _exit_code
-from tests import faults_mcap, faults_scans
+from tests import faults_mcap, faults_scans, faults_times
 from tests.faults_case import Case, Given
 from tests.faults_world import drive, write_plan
 
-CASES: list[Case] = [*faults_mcap.table.cases, *faults_scans.table.cases]
+CASES: list[Case] = [*faults_mcap.table.cases, *faults_scans.table.cases, *faults_times.table.cases]
 ROWS = range(1, 73)
 MOST_MEMORY, MOST_SECONDS = 1 << 20, 20.0  # kB, s
+MOST_CELLS = 1_000_000
 KINDS = ("replay: ", "warning: ", "skipped: ", "lost: ")
 Counted = dict[tuple[int, int], tuple[int, ...]]
 _sockets: list[str] = []
@@ -143,6 +144,7 @@ def test_fault(
         return
     assert new == {result}
     evidence = read_result(result).evidence()
+    assert evidence.geometry.rows * evidence.geometry.cols < MOST_CELLS
     compare(case, sparse(evidence), sound)
     if given.check:
         given.check(evidence)
