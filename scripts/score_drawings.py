@@ -88,13 +88,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
-    parser.add_argument("--method", action="append", choices=("structural",))
+    parser.add_argument("--method", action="append", choices=("structural", "georgiou"))
     parser.add_argument("--only", default="", help="drawings whose names hold this")
     options = parser.parse_args()
     data = Path(os.environ.get("REPLAY_SHARED_DATA", ROOT.parent / "shared" / "data"))
     if not data.is_dir():
         sys.exit(f"annotated drawings are not at {data} (set REPLAY_SHARED_DATA)")
-    methods: list[Method] = options.method or ["structural"]
+    methods: list[Method] = options.method or ["structural", "georgiou"]
     for method in methods:
         table(data, method, options.only)
 

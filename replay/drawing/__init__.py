@@ -7,7 +7,7 @@ from typing import Literal
 from replay.drawing.shapes import Door, Drawing, Gray
 
 __all__ = ["Door", "Drawing", "Method", "extract"]
-Method = Literal["structural"]
+Method = Literal["structural", "georgiou"]
 
 
 def extract(
@@ -19,13 +19,17 @@ def extract(
         gray: (H, W) uint8.
         resolution: m / px where it is known; it bounds the size of doors. Else the drawing's own
             doors give the scale.
-        method: "structural".
+        method: "structural", or "georgiou": Algorithm 1 of the paper.
 
     Raises:
         ValueError: not a picture (H, W) of uint8.
     """
     if gray.ndim != 2 or gray.dtype != "uint8" or gray.size == 0:
         raise ValueError(f"a grey picture (H, W) of uint8 is needed, not {gray.shape} {gray.dtype}")
+    if method == "georgiou":
+        from replay.drawing.georgiou import georgiou
+
+        return georgiou(gray, resolution)
     from replay.drawing.structural import structural
 
-    return {"structural": structural}[method](gray, resolution)
+    return structural(gray, resolution)

@@ -91,3 +91,33 @@ def directions(ink: Bits, sigma: float = 2.5) -> tuple[Floats, Floats, Floats]:
     gap = np.sqrt((xx - yy) ** 2 + 4 * xy * xy)
     angle = 0.5 * np.arctan2(2 * xy, xx - yy)
     return np.cos(angle), np.sin(angle), gap / (xx + yy + 1e-9)
+
+
+def straight(mask: Bits, length: int) -> Bits:
+    """Where a straight line of `length` px fits into the mask, in one of 12 directions."""
+    out = np.zeros_like(mask)
+    for turn in np.arange(12) * np.pi / 12:
+        reach = length / 2 * np.array([np.cos(turn), np.sin(turn)])
+        size = 2 * int(np.ceil(np.abs(reach).max())) + 1
+        line = np.zeros((size, size), dtype=np.uint8)
+        middle = np.array([size // 2, size // 2])
+        a, b = np.rint(middle - reach).astype(int), np.rint(middle + reach).astype(int)
+        cv2.line(line, (int(a[0]), int(a[1])), (int(b[0]), int(b[1])), 1)
+        out |= np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, line), dtype=np.uint8)
+    return out
+
+
+def shrunk(mask: Bits, factor: int) -> Bits:
+    """A pixel for each block of `factor` by `factor`: ink where any of it is."""
+    rows, cols = mask.shape
+    even = np.pad(mask, ((0, -rows % factor), (0, -cols % factor)))
+    blocks = even.reshape(even.shape[0] // factor, factor, even.shape[1] // factor, factor)
+    return np.asarray(blocks.max(axis=(1, 3)), dtype=np.uint8)
+
+
+def straight_runs(ink: Bits, length: float) -> Bits:
+    """Ink through which a straight line of `length` px runs, seen at about 15 px a line."""
+    factor = max(1, round(length / 15))
+    runs = grown(straight(shrunk(ink, factor), max(3, round(length / factor))), 3)
+    full = cv2.resize(runs, None, fx=factor, fy=factor, interpolation=cv2.INTER_NEAREST)
+    return ink & np.asarray(full, dtype=np.uint8)[: ink.shape[0], : ink.shape[1]]

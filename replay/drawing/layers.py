@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from replay.drawing.cells import Cells
-from replay.drawing.ink import Bits, grown, opened_by, square
+from replay.drawing.ink import Bits, grown, opened_by, shrunk, square
 from replay.drawing.shapes import Door
 
 OPENINGS = (1.5, 3.0, 6.0)  # door widths: gaps closed in turn until the walls enclose something
@@ -22,7 +22,7 @@ def outline(walls: Bits, door: float) -> Bits:
     Of the closings tried it is the smallest that encloses nearly as much as the largest.
     """
     factor = max(1, round(door / 16))
-    small = _shrunk(walls, factor)
+    small = shrunk(walls, factor)
     found = [_enclosed(small, round(gap * door / factor / 2)) for gap in OPENINGS]
     most = max(float(mask.sum()) for mask in found)
     chosen = next(mask for mask in found if float(mask.sum()) >= NEARLY * most)
@@ -39,14 +39,6 @@ def _enclosed(walls: Bits, reach: int) -> Bits:
     inside = cv2.erode((np.asarray(sealed) != 2).astype(np.uint8), square(2 * reach + 1))
     cut = slice(reach + 2, -reach - 2)
     return np.asarray(inside, dtype=np.uint8)[cut, cut] | walls
-
-
-def _shrunk(mask: Bits, factor: int) -> Bits:
-    """A pixel for each block: ink where any of it is."""
-    rows, cols = mask.shape
-    even = np.pad(mask, ((0, -rows % factor), (0, -cols % factor)))
-    blocks = even.reshape(even.shape[0] // factor, factor, even.shape[1] // factor, factor)
-    return np.asarray(blocks.max(axis=(1, 3)), dtype=np.uint8)
 
 
 def sorted_ink(
@@ -89,7 +81,7 @@ def _swept(doors: list[Door], shape: tuple[int, ...], door: float) -> Bits:
 def _openings(walls: Bits, door: float) -> Bits:
     """Gaps in walls that run on behind them, along the picture's axes."""
     factor = max(1, round(door / 24))
-    small = _shrunk(walls, factor)
+    small = shrunk(walls, factor)
     length = round(WINDOW * door / factor)
     out = np.zeros_like(small)
     for size in ((length, 1), (1, length)):

@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from time import perf_counter
 
-import cv2
 import numpy as np
 
 from replay.drawing.arcs import find_arcs
 from replay.drawing.cells import Cells
-from replay.drawing.ink import Bits, Gray, binarise, faint, grown, opened, upright
+from replay.drawing.ink import Bits, Gray, binarise, faint, grown, opened, shrunk, upright
 from replay.drawing.layers import outline, sorted_ink
-from replay.drawing.shapes import Door, Drawing
+from replay.drawing.shapes import Door, Drawing, Mask
 from replay.drawing.swing import Leaf, choose_doors, leaves_of, usual_width
 from replay.drawing.walls import find_walls
 
@@ -37,7 +36,7 @@ def structural(gray: Gray, resolution: float | None = None) -> Drawing:
     lines = faint(gray, ink)
     half = gray.size > LARGE
     if half:
-        ink, lines = _halved(ink), _halved(lines)
+        ink, lines = shrunk(ink, 2), shrunk(lines, 2)
     door = DOOR_M / resolution / (2 if half else 1) if resolution else 0.0
     seconds = {"ink": perf_counter() - started}
     leaves = _leaves(lines, door)
@@ -49,14 +48,27 @@ def structural(gray: Gray, resolution: float | None = None) -> Drawing:
     inside = outline(walls, door)
     layers = sorted_ink(lines, walls, inside, doors, windows, layers, door)
     seconds["layers"] = perf_counter() - started - sum(seconds.values())
-    shape = gray.shape[0], gray.shape[1]
-    if half:
-        walls, inside = _doubled(walls, shape), _doubled(inside, shape)
-        layers = {name: _doubled(layer, shape) for name, layer in layers.items()}
-        doors = [_twice(leaf) for leaf in doors]
-        door *= 2
-    masks = {name: layer.astype(np.bool_) for name, layer in layers.items()}
-    return Drawing(walls.astype(np.bool_), doors, inside.astype(np.bool_), masks, door, seconds)
+    drawing = Drawing(
+        walls.astype(np.bool_),
+        doors,
+        inside.astype(np.bool_),
+        {name: layer.astype(np.bool_) for name, layer in layers.items()},
+        door,
+        seconds,
+    )
+    return enlarged(drawing, (gray.shape[0], gray.shape[1])) if half else drawing
+
+
+def enlarged(drawing: Drawing, shape: tuple[int, int]) -> Drawing:
+    """What was found at half the size, in pixels of the whole picture of `shape`."""
+    return Drawing(
+        _doubled(drawing.walls, shape),
+        [_twice(door) for door in drawing.doors],
+        _doubled(drawing.outline, shape),
+        {name: _doubled(layer, shape) for name, layer in drawing.layers.items()},
+        2 * drawing.door_width,
+        drawing.seconds,
+    )
 
 
 def _leaves(lines: Bits, door: float) -> list[Leaf]:
@@ -81,19 +93,9 @@ def _by_walls(ink: Bits) -> float:
     return float(WALL_DOORS * (middle + 2))
 
 
-def _halved(mask: Bits) -> Bits:
-    """A pixel for each two by two: ink where any of them is, so that no thin line is lost."""
-    rows, cols = mask.shape
-    even = np.pad(mask, ((0, rows % 2), (0, cols % 2)))
-    return np.ascontiguousarray(
-        even.reshape((rows + 1) // 2, 2, (cols + 1) // 2, 2).max(axis=(1, 3))
-    )
-
-
-def _doubled(mask: Bits, shape: tuple[int, int]) -> Bits:
+def _doubled(mask: Mask, shape: tuple[int, int]) -> Mask:
     """A halved mask at its first size."""
-    out = cv2.resize(mask, None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST)
-    return np.ascontiguousarray(out[: shape[0], : shape[1]], dtype=np.uint8)
+    return np.repeat(np.repeat(mask, 2, axis=0), 2, axis=1)[: shape[0], : shape[1]]
 
 
 def _twice(door: Door) -> Door:

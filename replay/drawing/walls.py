@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from replay.drawing.cells import Cells
-from replay.drawing.ink import Bits, closed, grown, opened
+from replay.drawing.ink import Bits, closed, grown, opened, straight
 
 SHEET = 0.75  # of the picture's sides: what reaches so far may be the sheet's border
 FRAME_INK = 0.4  # of all ink: a building has more
@@ -134,7 +134,7 @@ def _is_hollow_style(ink: Bits, walls: Bits, line: int, door: float) -> bool:
     factor = max(1, round(door / 24))
     long = round(LONG * door / factor)
     thick = opened(walls, max(round(OUTER * door), 3 * line + 1))
-    area = [float(_straight(_coarse(m, factor), long).sum()) for m in (thick, walls)]
+    area = [float(straight(_coarse(m, factor), long).sum()) for m in (thick, walls)]
     if area[1] * factor * factor < SOLID_INK * float(ink.sum()):
         return True
     return area[0] <= OUTER_SHARE * area[1]
@@ -193,31 +193,17 @@ def _buildings(walls: Bits, door: float) -> Bits:
     factor = max(1, round(door / 24))
     small = door / factor
     coarse = _coarse(walls, factor)
-    straight = _straight(coarse, round(0.6 * small))
+    lines = straight(coarse, round(0.6 * small))
     count, labels, stats, _ = cv2.connectedComponentsWithStats(coarse, connectivity=8)
     column = (stats[:, 4] > 0.7 * stats[:, 2] * stats[:, 3]) & (
         np.minimum(stats[:, 2], stats[:, 3]) > COLUMN * small
     )
     column[0] = False
-    kept = grown(straight, 2 * round(0.15 * small) + 1) & coarse | column[labels].astype(np.uint8)
+    kept = grown(lines, 2 * round(0.15 * small) + 1) & coarse | column[labels].astype(np.uint8)
     reach = grown(kept, 2 * round(BRIDGE * small / 2) + 1)
     count, labels = cv2.connectedComponents(reach, connectivity=8)
-    mass = np.bincount(labels[straight > 0], minlength=count).astype(np.float64)
+    mass = np.bincount(labels[lines > 0], minlength=count).astype(np.float64)
     mass[0] = 0
     kept &= (mass > SCRAP * mass.max())[labels].astype(np.uint8)
     full = cv2.resize(kept, walls.shape[::-1], interpolation=cv2.INTER_NEAREST)
     return walls & grown(full, 2 * factor + 1)
-
-
-def _straight(mask: Bits, length: int) -> Bits:
-    """Where a straight line of `length` px fits into the mask, in one of 12 directions."""
-    out = np.zeros_like(mask)
-    for turn in np.arange(12) * np.pi / 12:
-        reach = length / 2 * np.array([np.cos(turn), np.sin(turn)])
-        size = 2 * int(np.ceil(np.abs(reach).max())) + 1
-        line = np.zeros((size, size), dtype=np.uint8)
-        middle = np.array([size // 2, size // 2])
-        a, b = np.rint(middle - reach).astype(int), np.rint(middle + reach).astype(int)
-        cv2.line(line, (int(a[0]), int(a[1])), (int(b[0]), int(b[1])), 1)
-        out |= np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, line), dtype=np.uint8)
-    return out
