@@ -15,6 +15,7 @@ from formats.errors import FormatError
 # verb -> what it does; each lives in the module of its name beside this one.
 VERBS = {
     "run": "Map a log over the prior of a plan, and score the map.",
+    "info": "Say what a log holds, and whether it can be used.",
     "export": "Write maps, poses and scores of a result in the formats of others.",
 }
 
