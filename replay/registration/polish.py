@@ -1,0 +1,228 @@
+"""A rough place made exact, and how well it explains both pictures.
+
+Iterated closest points along the walls' normals with falling weights (Welsch), which keeps clutter
+and bent ends from pulling; all four parameters of the similarity.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from formats.jit import njit
+from replay.registration.seen import Doubles, Mask, Seen, points_of
+
+Floats = npt.NDArray[np.float32]
+MOST_POINTS = 2500
+MOST_WALL = 12000
+
+
+@dataclass(frozen=True)
+class Field:
+    """Of a mask: where the nearest pixel lies and how the stroke runs there."""
+
+    far: Floats  # (H, W) px to the nearest pixel of the mask
+    near: npt.NDArray[np.int32]  # (H, W) index of it in `at`
+    at: Floats  # (n, 2) x, y
+    normal: Floats  # (n, 2)
+    wall: Floats  # (m, 2) a sample of `at`
+
+
+def field_of(mask: Mask) -> Field:
+    """The field of a mask with any pixel."""
+    empty = (~mask).astype(np.uint8)
+    far, labels = cv2.distanceTransformWithLabels(
+        empty, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    points = points_of(mask)
+    order = np.zeros(len(points) + 1, np.int32)
+    order[labels[mask]] = np.arange(len(points))
+    at = points.astype(np.float32)
+    nx, ny = _normals(mask)
+    normal = np.column_stack((nx[mask], ny[mask])).astype(np.float32)
+    step = max(1, len(points) // MOST_WALL)
+    return Field(far, order[labels], at, normal, at[::step])
+
+
+def _normals(mask: Mask) -> tuple[Floats, Floats]:
+    """Unit normals of the strokes, by the structure tensor."""
+    smooth = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), 1.0)
+    gx, gy = cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1)
+    xx, yy, xy = (cv2.GaussianBlur(a, (0, 0), 2.0) for a in (gx * gx, gy * gy, gx * gy))
+    angle = 0.5 * np.arctan2(2 * xy, xx - yy)
+    return np.cos(angle), np.sin(angle)
+
+
+@njit
+def _step(
+    points: Doubles,
+    matrix: Doubles,
+    flip: float,
+    far: Floats,
+    near: npt.NDArray[np.int32],
+    at: Floats,
+    normal: Floats,
+    sigma: float,
+) -> tuple[Doubles, Doubles]:
+    """Normal equations (4, 4) and right side (4,) of a change of (a, b, x, y)."""
+    left, right = np.zeros((4, 4)), np.zeros(4)
+    rows, cols = far.shape
+    j = np.zeros(4)
+    for i in range(points.shape[0]):
+        u, v = points[i, 0], points[i, 1]
+        x = matrix[0, 0] * u + matrix[0, 1] * v + matrix[0, 2]
+        y = matrix[1, 0] * u + matrix[1, 1] * v + matrix[1, 2]
+        c, r = int(np.rint(x)), int(np.rint(y))
+        if not (0 <= r < rows and 0 <= c < cols):
+            continue
+        d = far[r, c]
+        if d > 4.0 * sigma:
+            continue
+        k = near[r, c]
+        nx, ny = normal[k, 0], normal[k, 1]
+        w = np.exp(-0.5 * (d / sigma) ** 2)
+        e = nx * (at[k, 0] - x) + ny * (at[k, 1] - y)
+        fv = flip * v
+        j[0], j[1], j[2], j[3] = nx * u + ny * fv, ny * u - nx * fv, nx, ny
+        for p in range(4):
+            right[p] += w * j[p] * e
+            for q in range(4):
+                left[p, q] += w * j[p] * j[q]
+    return left, right
+
+
+@njit
+def _near(points: Doubles, matrix: Doubles, far: Floats, sigma: float) -> float:
+    """Mean closeness of points to a mask, 0 to 1."""
+    total = 0.0
+    rows, cols = far.shape
+    for i in range(points.shape[0]):
+        u, v = points[i, 0], points[i, 1]
+        c = int(np.rint(matrix[0, 0] * u + matrix[0, 1] * v + matrix[0, 2]))
+        r = int(np.rint(matrix[1, 0] * u + matrix[1, 1] * v + matrix[1, 2]))
+        if 0 <= r < rows and 0 <= c < cols:
+            total += np.exp(-0.5 * (far[r, c] / sigma) ** 2)
+    return total / points.shape[0]
+
+
+@njit
+def _confirmed(
+    wall: Floats, inverse: Doubles, far: Floats, known: npt.NDArray[np.bool_], sigma: float
+) -> tuple[float, float]:
+    """Of the walls that the map could see: the sum of closeness, and how many they are."""
+    good, count = 0.0, 0.0
+    rows, cols = far.shape
+    for i in range(wall.shape[0]):
+        u, v = wall[i, 0], wall[i, 1]
+        c = int(np.rint(inverse[0, 0] * u + inverse[0, 1] * v + inverse[0, 2]))
+        r = int(np.rint(inverse[1, 0] * u + inverse[1, 1] * v + inverse[1, 2]))
+        if 0 <= r < rows and 0 <= c < cols and known[r, c]:
+            good += np.exp(-0.5 * (far[r, c] / sigma) ** 2)
+            count += 1.0
+    return good, count
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A polished place.
+
+    Attributes:
+        matrix: (2, 3) map cells -> plan pixels.
+        explained: share of the occupied cells that lie on walls, softly.
+        confirmed: share of the walls that the map can see which it shows, softly.
+        seen: walls that the map can see, px of the bench.
+    """
+
+    matrix: Doubles
+    explained: float
+    confirmed: float
+    seen: float
+
+    @property
+    def score(self) -> float:
+        """The harmonic mean of both shares."""
+        return 2 * self.explained * self.confirmed / max(self.explained + self.confirmed, 1e-9)
+
+    @property
+    def scale(self) -> float:
+        """Plan pixels a map cell."""
+        return float(np.hypot(self.matrix[0, 0], self.matrix[1, 0]))
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether it turns the map over."""
+        return bool(np.linalg.det(self.matrix[:, :2]) < 0)
+
+
+class Bench:
+    """Map and plan, prepared for polishing and weighing many places.
+
+    Args:
+        seen: the map.
+        walls: (H, W) the plan's ink.
+        side: px, to which the plan's longer side is brought where it is larger.
+    """
+
+    def __init__(self, seen: Seen, walls: Mask, side: int = 1600) -> None:
+        ink = points_of(walls)
+        self.low = ink.min(axis=0)
+        self.unit = max(1.0, float((ink.max(axis=0) - self.low).max() + 1) / side)
+        cells = np.floor((ink - self.low) / self.unit).astype(np.int64) + 4
+        cols, rows = cells.max(axis=0) + 5
+        small = np.zeros((rows, cols), np.bool_)
+        small[cells[:, 1], cells[:, 0]] = True
+        self.plan = field_of(small)
+        self.map = field_of(seen.occupied)
+        self.known = seen.occupied | seen.free
+        points = seen.points
+        self.points = np.ascontiguousarray(points[:: max(1, len(points) // MOST_POINTS)])
+        size = points.max(axis=0) - points.min(axis=0)
+        self.tolerance = max(1.0, 0.006 * float(np.hypot(*size)))  # map cells
+
+    def _in(self, matrix: Doubles) -> Doubles:
+        """A matrix to plan pixels as one to this bench's pixels."""
+        out = matrix / self.unit
+        out[:, 2] = (matrix[:, 2] - self.low + 0.5) / self.unit - 0.5 + 4
+        return out
+
+    def _out(self, matrix: Doubles) -> Doubles:
+        out = matrix * self.unit
+        out[:, 2] = (matrix[:, 2] - 4 + 0.5) * self.unit - 0.5 + self.low
+        return out
+
+    def polish(self, matrix: Doubles, rounds: tuple[float, ...]) -> Doubles:
+        """The place after some rounds, each with its multiple of the tolerance."""
+        flip = -1.0 if np.linalg.det(matrix[:, :2]) < 0 else 1.0
+        now = self._in(matrix)
+        scale = float(np.hypot(now[0, 0], now[1, 0]))
+        middle = self.points.mean(axis=0)
+        centred = self.points - middle
+        now[:, 2] += now[:, :2] @ middle
+        spread = float(np.square(centred).sum(axis=1).mean())
+        for times in rounds:
+            sigma = max(0.7, times * self.tolerance * scale)
+            p = self.plan
+            left, right = _step(centred, now, flip, p.far, p.near, p.at, p.normal, sigma)
+            weak = 1e-3 * (left[2, 2] + left[3, 3] + 1.0)
+            left[np.diag_indices(4)] += weak * np.array([spread, spread, 1.0, 1.0])
+            a, b, x, y = np.linalg.solve(left, right)
+            a, b = now[0, 0] + a, now[1, 0] + b
+            now = np.array([[a, -b * flip, now[0, 2] + x], [b, a * flip, now[1, 2] + y]])
+        now[:, 2] -= now[:, :2] @ middle
+        return self._out(now)
+
+    def weigh(self, matrix: Doubles, times: float = 1.0) -> Fit:
+        """How well a place explains both pictures."""
+        inside = self._in(matrix)
+        scale = float(np.hypot(inside[0, 0], inside[1, 0]))
+        sigma = times * self.tolerance
+        explained = _near(self.points, inside, self.plan.far, max(0.7, sigma * scale))
+        back = np.linalg.inv(np.vstack([inside, [0, 0, 1]]))[:2]
+        good, count = _confirmed(
+            self.plan.wall, back, self.map.far, self.known, max(sigma, 0.7 / scale)
+        )
+        share = good / count if count else 0.0
+        return Fit(matrix, explained, share, count * len(self.plan.at) / len(self.plan.wall))

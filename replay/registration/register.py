@@ -1,0 +1,200 @@
+"""Where a map lies on a plan: candidates, polished, ranked, and how sure the best one is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from formats.errors import FormatError
+from replay.registration.polish import Bench, Fit
+from replay.registration.search import Candidate, search
+from replay.registration.seen import HERE, Doubles, Mask, Seen
+
+STEP = 1.045  # ratio of neighbouring scales
+SLACK = 1.04  # of a known scale: drift stretches maps
+FREE = (0.5, 2.2)  # plan pixels a map cell, where nothing is known
+METRIC = (0.4, 8.0)  # the same where the cells are of a known size: plans of 0.6 to 12 cm a pixel
+SHARE = (0.1, 1.6)  # of the plan's longer side that the map's takes
+EACH, MOST, KEPT = 16, 120, 60  # candidates of each scale, of the only one, polished to the end
+COARSE, FINE = (4.0, 3.0, 3.0, 2.0, 2.0), (3.0, 2.0, 2.0, 1.5, 1.5, 1.0, 1.0, 1.0, 1.0, 1.0)
+APART = 0.1  # of the map's diagonal: nearer places are one
+RUNNERS = 5
+# How sure: places compete by exp(score / HEAT), and with the case that the map is of another
+# building, which stands at the score NOWHERE; mirrored plans are one in twenty.
+HEAT, NOWHERE, MIRROR = 0.012, 0.5, float(np.log(20.0))
+SURE = 0.9
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where the map may lie.
+
+    Attributes:
+        matrix: (2, 3) from the map picture's pixels, or a log's metres, to the plan's pixels.
+        mirrored: the plan shows the building mirrored.
+        score: 0 to 1, how well both pictures explain each other.
+        explained: share of the occupied cells on walls; confirmed: share of the walls seen.
+        weight: posterior share among all places and none.
+    """
+
+    matrix: Doubles
+    mirrored: bool
+    score: float
+    explained: float
+    confirmed: float
+    weight: float
+
+    @property
+    def scale(self) -> float:
+        """Plan pixels a map pixel or metre."""
+        return float(np.hypot(self.matrix[0, 0], self.matrix[1, 0]))
+
+    @property
+    def turn_deg(self) -> float:
+        """Clockwise on the screen, of the map's x axis; -180 to 180."""
+        return float(np.degrees(np.arctan2(self.matrix[1, 0], self.matrix[0, 0])))
+
+    def facts(self) -> dict[str, Any]:
+        """What `--json` says of it."""
+        return {
+            "mirrored": self.mirrored,
+            "scale": self.scale,
+            "turn_deg": self.turn_deg,
+            "x": float(self.matrix[0, 2]),
+            "y": float(self.matrix[1, 2]),
+            "matrix": self.matrix.tolist(),
+            "score": self.score,
+            "confidence": self.weight,
+        }
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """Places, the likeliest first, and how long it took."""
+
+    places: list[Place]
+    seconds: float = field(compare=False)
+
+    @property
+    def best(self) -> Place:
+        """The likeliest place."""
+        return self.places[0]
+
+    @property
+    def confident(self) -> bool:
+        """Whether it may be used unasked."""
+        return self.best.weight >= SURE
+
+    def facts(self) -> dict[str, Any]:
+        """What `--json` prints."""
+        return {
+            "confident": self.confident,
+            **self.best.facts(),
+            "runners_up": [place.facts() for place in self.places[1:]],
+            "seconds": self.seconds,
+        }
+
+
+def align(
+    seen: Seen,
+    walls: Mask,
+    *,
+    scale: float | None = None,
+    mirrored: bool | None = None,
+    name: str = "",
+) -> Alignment:
+    """Find the place of a map on a plan.
+
+    Args:
+        seen: what the robot saw.
+        walls: (H, W) the plan's ink.
+        scale: plan pixels a map cell, where it is known; kept to within 4 %.
+        mirrored: None: both ways are tried.
+        name: of the map, for errors.
+
+    Raises:
+        FormatError: no place fits at all.
+    """
+    started = perf_counter()
+    low, high = (scale / SLACK, scale * SLACK) if scale else scale_range(seen, walls)
+    count = int(np.ceil(np.log(high / low) / np.log(STEP))) + 1
+    scales = np.geomspace(low, high, count).tolist()
+    mirrors = [False, True] if mirrored is None else [mirrored]
+    picked = _picked(search(seen, walls, scales, mirrors))
+    bench = Bench(seen, walls)
+    within = (low / 1.03, high * 1.03)
+    rough = [bench.weigh(bench.polish(c.matrix, COARSE), 2.0) for c in picked]
+    rough = sorted((f for f in rough if within[0] < f.scale < within[1]), key=lambda f: -f.score)
+    fits = [bench.weigh(bench.polish(f.matrix, FINE)) for f in _varied(rough)]
+    fits = [f for f in fits if within[0] < f.scale < within[1]]
+    if not fits:
+        raise FormatError(name, "no place on the plan fits it at all")
+    places = weighed(distinct(fits, seen), seen.to_cells)
+    return Alignment(places[: 1 + RUNNERS], perf_counter() - started)
+
+
+def scale_range(seen: Seen, walls: Mask) -> tuple[float, float]:
+    """Scales worth trying where nothing says which."""
+    low, high = FREE if seen.resolution is None else METRIC
+    sides = [
+        max(float(np.ptp(np.flatnonzero(mask.any(axis=axis)))) + 1 for axis in (0, 1))
+        for mask in (walls, seen.occupied)
+    ]
+    ratio = sides[0] / sides[1]
+    low, high = max(low, SHARE[0] * ratio), min(high, SHARE[1] * ratio)
+    return (low, high) if low < high else (SHARE[0] * ratio, SHARE[1] * ratio)
+
+
+def _picked(candidates: list[Candidate]) -> list[Candidate]:
+    """The best of each scale, since scores of different scales do not compare."""
+    by_scale: dict[float, list[Candidate]] = {}
+    for candidate in candidates:
+        by_scale.setdefault(candidate.scale, []).append(candidate)
+    each = max(EACH, MOST // len(by_scale))
+    return [c for some in by_scale.values() for c in sorted(some, key=lambda c: -c.score)[:each]]
+
+
+def _varied(fits: list[Fit]) -> list[Fit]:
+    """The best to polish on, without the same place twice."""
+    chosen: list[Fit] = []
+    for fit in fits:
+        if all(np.abs(fit.matrix - other.matrix).max() > 1.0 for other in chosen):
+            chosen.append(fit)
+        if len(chosen) == KEPT:
+            break
+    return chosen
+
+
+def _rank(fit: Fit) -> float:
+    """The score, less what being mirrored costs."""
+    return fit.score - (MIRROR * HEAT if fit.mirrored else 0.0)
+
+
+def distinct(fits: list[Fit], seen: Seen) -> list[Fit]:
+    """Best first, each place once."""
+    points = seen.points
+    low, high = points.min(axis=0), points.max(axis=0)
+    corners = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
+    diagonal = float(np.hypot(*(high - low)))
+    chosen: list[tuple[Fit, Doubles]] = []
+    for fit in sorted(fits, key=_rank, reverse=True):
+        at = corners @ fit.matrix[:, :2].T + fit.matrix[:, 2]
+        limit = APART * diagonal * fit.scale
+        if all(np.hypot(*(at - other).T).mean() > limit for _, other in chosen):
+            chosen.append((fit, at))
+    return [fit for fit, _ in chosen]
+
+
+def weighed(fits: list[Fit], to_cells: Doubles = HERE) -> list[Place]:
+    """Posterior shares of the places; what is missing to 1 is that none of them holds."""
+    ranks = np.array([_rank(fit) for fit in fits])
+    shares = np.exp((np.append(ranks, NOWHERE) - max(ranks.max(), NOWHERE)) / HEAT)
+    shares /= shares.sum()
+    whole = np.vstack([to_cells, [0.0, 0.0, 1.0]])
+    return [
+        Place(fit.matrix @ whole, fit.mirrored, fit.score, fit.explained, fit.confirmed, share)
+        for fit, share in zip(fits, shares.tolist(), strict=False)
+    ]

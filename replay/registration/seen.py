@@ -1,0 +1,106 @@
+"""What a robot saw, as a picture: occupied and free cells, row 0 on top; and its directions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from formats.errors import FormatError
+from formats.grid import Evidence
+from formats.plan_file import Plan
+
+Mask = npt.NDArray[np.bool_]
+Doubles = npt.NDArray[np.float64]
+LEAST = 50  # occupied cells, below which no place can be told
+HERE = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+BINS = 180  # of a degree, directions of walls
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a robot saw, as a picture.
+
+    Attributes:
+        occupied, free: (H, W) cells, row 0 on top; the others are unknown.
+        to_cells: (2, 3) from the user's coordinates (pixels of a map picture, metres of a log's
+            map frame with y up) to cells, x right, y down, cell centres at whole numbers.
+        resolution: m a cell, None where it is not known.
+    """
+
+    occupied: Mask
+    free: Mask
+    to_cells: Doubles = field(default_factory=lambda: HERE.copy())
+    resolution: float | None = None
+
+    @property
+    def points(self) -> Doubles:
+        """(n, 2) x, y of the occupied cells."""
+        return points_of(self.occupied)
+
+
+def points_of(mask: Mask) -> Doubles:
+    """(n, 2) x, y of the pixels of a mask."""
+    rows, cols = np.nonzero(mask)
+    return np.column_stack((cols, rows)).astype(np.float64)
+
+
+def seen_in_map(plan: Plan) -> Seen:
+    """A map picture, read as any plan is.
+
+    Raises:
+        FormatError: it shows no free space, or next to no walls.
+    """
+    free = plan.known & ~plan.wall
+    return _checked(Seen(plan.wall, free, HERE.copy(), plan.resolution), str(plan.path))
+
+
+def seen_in_log(evidence: Evidence, name: str) -> Seen:
+    """The evidence of a log, hits against misses (levels 0 and 1 of the beam model).
+
+    Raises:
+        FormatError: it shows no free space, or next to no walls.
+    """
+    hits, misses = evidence.counts[0], evidence.counts[-1]
+    total = evidence.total((0.3, 0.6))
+    occupied, free = (hits > 0) & (total < 0), (misses > 0) & (total > 0)
+    g = evidence.geometry
+    known = np.nonzero(occupied | free)
+    if len(known[0]) == 0:
+        raise FormatError(name, "its scans show nothing")
+    low, high = known[0].min(), known[0].max() + 1
+    left, right = known[1].min(), known[1].max() + 1
+    box = (slice(low, high), slice(left, right))
+    x, y = g.x + left * g.resolution, g.y + high * g.resolution  # the upper left corner
+    k = 1.0 / g.resolution
+    to_cells = np.array([[k, 0.0, -x * k - 0.5], [0.0, -k, y * k - 0.5]])
+    return _checked(Seen(occupied[box][::-1], free[box][::-1], to_cells, g.resolution), name)
+
+
+def _checked(seen: Seen, name: str) -> Seen:
+    if int(seen.occupied.sum()) < LEAST:
+        raise FormatError(name, "too few occupied cells to find its place by")
+    if not seen.free.any():
+        raise FormatError(name, "no free space in it", hint="is it a map?")
+    return seen
+
+
+def directions(mask: Mask) -> Doubles:
+    """(BINS,) how much of a mask's outline runs in each direction of [0, 180) degrees.
+
+    Clockwise from the x axis with y down; smoothed over about 1 degree.
+    """
+    import cv2
+
+    smooth = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), 2.0)
+    gx, gy = cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1)
+    size = np.hypot(gx, gy)
+    strong = size > 0.05 * float(size.max())
+    angle = (np.degrees(np.arctan2(gy[strong], gx[strong])) + 90.0) % 180.0
+    bins = np.rint(angle * (BINS / 180.0)).astype(np.int64) % BINS
+    histogram = np.bincount(bins, weights=size[strong], minlength=BINS)
+    kernel = np.array([0.25, 0.5, 0.25])
+    around = np.concatenate((histogram[-1:], histogram, histogram[:1]))
+    smoothed: Doubles = np.convolve(around, kernel, "valid")
+    return smoothed / max(float(smoothed.sum()), 1e-12)
