@@ -25,14 +25,19 @@ def upright(gray: Gray) -> Gray:
     return 255 - gray if counts[:128].sum() > counts[128:].sum() else gray
 
 
+def _paper(counts: npt.NDArray[np.int64]) -> int:
+    """The tone of the paper: the most frequent bright one."""
+    return 128 + int(counts[128:].argmax())
+
+
 def binarise(gray: Gray) -> Bits:
     """Ink as 1: darker than paper by a quarter of the way to the tone of full ink.
 
     Light grey hatching and thin grey lines count, the grain of a scanned sheet does not. Paper is
-    what most pixels show.
+    what most bright pixels show.
     """
     counts = np.bincount(gray.ravel(), minlength=256)
-    paper = int(counts.argmax())
+    paper = _paper(counts)
     dark = counts[: max(1, paper - 15)]
     if dark.sum() == 0:
         return np.zeros(gray.shape, dtype=np.uint8)
@@ -43,7 +48,7 @@ def binarise(gray: Gray) -> Bits:
 def faint(gray: Gray, ink: Bits) -> Bits:
     """Ink with its faintest lines, which plotters use for door arcs; the ink alone on a scan."""
     counts = np.bincount(gray.ravel(), minlength=256)
-    paper = int(counts.argmax())
+    paper = _paper(counts)
     if counts[max(0, paper - FAINT) : paper].sum() > GRAIN * gray.size:
         return ink
     return ink | (gray < paper - FAINT).astype(np.uint8)
@@ -67,13 +72,16 @@ def distance(mask: Bits) -> Floats:
 
 def opened(mask: Bits, side: int) -> Bits:
     """What a square of `side` px fits into."""
-    return np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, square(side)), dtype=np.uint8)
+    return opened_by(mask, (side, side))
 
 
 def opened_by(mask: Bits, size: tuple[int, int]) -> Bits:
-    """What a rectangle of (rows, cols) px fits into."""
+    """What a rectangle of (rows, cols) px fits into; an even one must not shift what it passes."""
     block = np.ones(size, dtype=np.uint8)
-    return np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, block), dtype=np.uint8)
+    anchor = (size[1] // 2, size[0] // 2)
+    mirrored = (size[1] - 1 - anchor[0], size[0] - 1 - anchor[1])
+    thin = cv2.erode(mask, block, anchor=anchor)
+    return np.asarray(cv2.dilate(thin, block, anchor=mirrored), dtype=np.uint8)
 
 
 def closed(mask: Bits, side: int) -> Bits:

@@ -89,11 +89,11 @@ def choose_doors(
 
     Args:
         leaves: arcs with a leaf.
-        walls: (H, W).
+        walls: (H, W); without any, as where a symbol stands alone, nothing is asked of them.
         lines: (H, W), all ink.
         door: px, the usual width of a leaf.
     """
-    far = distance(1 - walls)
+    far = distance(1 - walls) if walls.any() else np.zeros(walls.shape, dtype=np.float32)
     chosen = []
     for one in leaves:
         arc = one.arc

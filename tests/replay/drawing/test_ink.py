@@ -1,0 +1,57 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from replay.drawing.ink import binarise, closed, opened, opened_by, shrunk, straight
+
+
+@pytest.mark.parametrize("side", [2, 3, 4, 7, 8])
+def test_opening_keeps_a_fitting_square_where_it_is_and_drops_a_smaller_one(side: int) -> None:
+    mask = np.zeros((40, 50), dtype=np.uint8)
+    mask[10 : 10 + side, 20 : 20 + side] = 1
+    assert (opened(mask, side) == mask).all()
+    assert not opened(mask, side + 1).any()
+
+
+def test_an_opening_by_a_rectangle_counts_rows_first() -> None:
+    mask = np.zeros((20, 20), dtype=np.uint8)
+    mask[4:6, 2:12] = 1
+    assert (opened_by(mask, (2, 10)) == mask).all()
+    assert not opened_by(mask, (10, 2)).any()
+
+
+def test_closing_fills_a_gap_and_does_not_glue_to_the_edge() -> None:
+    mask = np.zeros((20, 20), dtype=np.uint8)
+    mask[5:15, 2:9] = 1
+    mask[5:15, 11:18] = 1
+    filled = closed(mask, 3)
+    assert filled[5:15, 2:18].all()
+    assert filled.sum() == 160
+
+
+def test_faint_grey_hatching_is_ink_and_the_grain_of_a_scan_is_not() -> None:
+    gray = np.full((100, 100), 255, dtype=np.uint8)
+    gray[10:20] = 119
+    gray[30:40] = 187
+    assert binarise(gray).sum() == 2000
+    rng = np.random.default_rng(1)
+    scan = (255 - rng.integers(0, 12, (100, 100))).astype(np.uint8)
+    scan[10:20] = 20
+    assert binarise(scan).sum() == 1000
+
+
+def test_a_block_with_any_ink_is_ink() -> None:
+    mask = np.zeros((5, 7), dtype=np.uint8)
+    mask[4, 6] = 1
+    assert shrunk(mask, 3).tolist() == [[0, 0, 0], [0, 0, 1]]
+
+
+def test_straight_keeps_long_lines_of_any_direction_and_drops_blobs() -> None:
+    mask = np.zeros((60, 60), dtype=np.uint8)
+    for k in range(40):
+        mask[10 + k, 10 + k : 12 + k] = 1
+    mask[5:12, 40:47] = 1
+    kept = straight(mask, 20)
+    assert kept[30, 30]
+    assert not kept[5:12, 40:47].any()
