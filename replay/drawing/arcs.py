@@ -7,7 +7,7 @@ of a door that furniture and text seldom share, so its radius also gives the dra
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, hypot
+from math import cos, hypot, radians
 from typing import NamedTuple
 
 import cv2
@@ -24,6 +24,8 @@ BINS = 180  # sectors of 2 degrees by which an arc's extent is measured
 NARROWING = (0.08, 0.05, 0.035)  # of the radius: strokes so near bear on the circle, in turn
 SIDE = -0.2  # cosine of the largest turn from the seed's middle that bears on the circle
 ALONG = 0.96  # cosine of a stroke's normal with the radius
+EXTENTS = radians(50), radians(130)
+HALF_CIRCLE = radians(200)
 GAP = 4  # sectors without ink that do not end an arc (text or a line across it)
 
 
@@ -207,7 +209,7 @@ def _on_circle(
 
 
 def _runs(inked: npt.NDArray[np.bool_]) -> list[tuple[float, float, float]]:
-    """(start, extent, filled) of every inked run of 50 to 130 degrees, gaps bridged."""
+    """(start, extent, filled) of every inked run that a leaf may draw, gaps bridged."""
     n, step = len(inked), 2 * np.pi / len(inked)
     if not inked.any():
         return []
@@ -221,9 +223,12 @@ def _runs(inked: npt.NDArray[np.bool_]) -> list[tuple[float, float, float]]:
         first = on[(breaks[k - 1] + 1) % len(on)] if len(breaks) > 1 else on[(b + 1) % len(on)]
         length = (on[b] - first) % n + 1
         extent = length * step
-        if np.radians(50) <= extent <= np.radians(130):
-            share = inked[(first + np.arange(length)) % n].mean()
-            out.append((float(first * step), float(extent), float(share)))
+        share = float(inked[(first + np.arange(length)) % n].mean())
+        begin = float(first * step)
+        if EXTENTS[0] <= extent <= EXTENTS[1]:
+            out.append((begin, float(extent), share))
+        elif 2 * EXTENTS[0] < extent < HALF_CIRCLE:  # a leaf that swings both ways
+            out += [(begin, extent / 2, share), (begin + extent / 2, extent / 2, share)]
     return out
 
 
