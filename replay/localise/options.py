@@ -1,0 +1,83 @@
+"""Options of localisation: names and defaults of nav2_amcl where they are the same thing."""
+
+from __future__ import annotations
+
+from typing import Literal, TypedDict
+
+LaserModel = Literal["likelihood_field", "beam"]
+
+
+class Options(TypedDict, total=False):
+    """What may be said to `localise`, by keyword.
+
+    Attributes:
+        laser_model_type: "likelihood_field" or "beam".
+        max_beams: of each scan.
+        laser_min_range, laser_max_range: m; -1 for the sensor's own.
+        z_hit, z_short, z_max, z_rand: shares of beams; short and max of the beam model only.
+        sigma_hit: m; 0.1, since nav2's 0.2 lets clutter before the walls pull at the pose.
+        lambda_short: 1/m.
+        laser_likelihood_max_dist: m.
+        alpha1, alpha2, alpha3, alpha4: noise of the odometry, see motion.Alphas.
+        update_min_d, update_min_a: m or rad to move before the next update.
+        min_particles, max_particles, pf_err, pf_z, resample_interval: see amcl.Parameters.
+        recovery_alpha_slow, recovery_alpha_fast: likewise; nav2's defaults are 0.
+        global_particles, effective_beams: likewise; not in nav2.
+    """
+
+    laser_model_type: LaserModel
+    max_beams: int
+    laser_min_range: float
+    laser_max_range: float
+    z_hit: float
+    z_short: float
+    z_max: float
+    z_rand: float
+    sigma_hit: float
+    lambda_short: float
+    laser_likelihood_max_dist: float
+    alpha1: float
+    alpha2: float
+    alpha3: float
+    alpha4: float
+    update_min_d: float
+    update_min_a: float
+    min_particles: int
+    max_particles: int
+    pf_err: float
+    pf_z: float
+    resample_interval: int
+    recovery_alpha_slow: float
+    recovery_alpha_fast: float
+    global_particles: int
+    effective_beams: float
+
+
+DEFAULTS: Options = {
+    "laser_model_type": "likelihood_field",
+    "max_beams": 60,
+    "laser_min_range": -1.0,
+    "laser_max_range": 100.0,
+    "z_hit": 0.5,
+    "z_short": 0.05,
+    "z_max": 0.05,
+    "z_rand": 0.5,
+    "sigma_hit": 0.1,
+    "lambda_short": 0.1,
+    "laser_likelihood_max_dist": 2.0,
+    "alpha1": 0.2,
+    "alpha2": 0.2,
+    "alpha3": 0.2,
+    "alpha4": 0.2,
+    "update_min_d": 0.25,
+    "update_min_a": 0.2,
+    "min_particles": 500,
+    "max_particles": 2000,
+    "pf_err": 0.05,
+    "pf_z": 0.99,
+    "resample_interval": 1,
+    "recovery_alpha_slow": 0.001,
+    "recovery_alpha_fast": 0.1,
+    "global_particles": 20_000,
+    "effective_beams": 12.0,
+}
