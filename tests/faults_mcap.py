@@ -126,17 +126,17 @@ for compression in ("zstd", "lz4"):
 
 @table(9, "zstd bomb that says so", code=3)
 def _(d: Path) -> Path:
-    return put(d, beside(chunk([bytes(1 << 30)], crc=0)))
+    return put(d, beside(chunk([bytes(300 << 20)], crc=0)))
 
 
 @table(9, "zstd bomb that lies", code=3)
 def _(d: Path) -> Path:
-    return put(d, beside(chunk([bytes(1 << 29)], size=100, crc=0)))
+    return put(d, beside(chunk([bytes(300 << 20)], size=100, crc=0)))
 
 
 @table(9, "lz4 bomb", code=3)
 def _(d: Path) -> Path:
-    return put(d, beside(chunk([bytes(1 << 29)], compression="lz4", crc=0)))
+    return put(d, beside(chunk([bytes(300 << 20)], compression="lz4", crc=0)))
 
 
 @table(9, "a .mcap.zst that is a bomb", code=1)

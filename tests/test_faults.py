@@ -11,6 +11,7 @@ import re
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -18,16 +19,17 @@ import numpy as np
 import pytest
 
 from formats.grid import Evidence
-from formats.result_file import read_result
+from formats.result_file import RunFile, read_result
 from replay.cli import _exit_code
-from tests import faults_mcap, faults_scans, faults_times
+from tests import faults_containers, faults_mcap, faults_plans, faults_scans, faults_times
 from tests.faults_case import Case, Given
-from tests.faults_world import drive, write_plan
+from tests.faults_world import drive, plan_pixels, write_plan
 
-CASES: list[Case] = [*faults_mcap.table.cases, *faults_scans.table.cases, *faults_times.table.cases]
+MODULES = (faults_mcap, faults_scans, faults_times, faults_containers, faults_plans)
+CASES: list[Case] = [case for module in MODULES for case in module.table.cases]
 ROWS = range(1, 73)
 MOST_MEMORY, MOST_SECONDS = 1 << 20, 20.0  # kB, s
-MOST_CELLS = 1_000_000
+MOST_CELLS = 1_100_000
 KINDS = ("replay: ", "warning: ", "skipped: ", "lost: ")
 Counted = dict[tuple[int, int], tuple[int, ...]]
 _sockets: list[str] = []
@@ -52,6 +54,17 @@ def sparse(evidence: Evidence) -> Counted:
     }
 
 
+def walls(run: RunFile) -> set[tuple[int, int]]:
+    """Cells of the prior that are wall, by their numbers on the plane."""
+    g, prior = run.geometry, run.curves["bayes"].prior
+    row0, col0 = round(g.y / g.resolution), round(g.x / g.resolution)
+    return {(r + row0, c + col0) for r, c in np.argwhere(prior.occupied()).tolist()}
+
+
+# The plan's pixels are cells of the default resolution; its lower left corner is (-1.1, -1.1) m.
+SOUND_WALLS = {(21 - r, c - 22) for r, c in np.argwhere(plan_pixels() == 0).tolist()}
+
+
 def evidence_of(log: Path, plan: Path, out: Path) -> Counted:
     """What comes of a log without a fault."""
     words = ["run", str(log), "--prior", str(plan), "-o", str(out)]
@@ -67,21 +80,21 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Counted:
 
 
 def peak() -> int:
-    """kB of memory at most since `forget_peak`."""
+    """kB of memory at most since it was last forgotten."""
     text = Path("/proc/self/status").read_text(encoding="ascii")
     found = re.search(r"VmHWM:\s+(\d+)", text)
     assert found
     return int(found[1])
 
 
-@pytest.fixture
-def _bounded() -> Iterator[None]:
-    """Memory and time of the test stay within limits, and it opens no socket."""
+@contextmanager
+def bounded() -> Iterator[None]:
+    """What happens inside stays within limits of memory and time, and opens no socket."""
     _sockets.clear()
-    start = time.perf_counter()
     measured = Path("/proc/self/clear_refs").exists()
-    if measured:
+    if measured:  # forget the peak so far
         Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
+    start = time.perf_counter()
     yield
     assert time.perf_counter() - start < MOST_SECONDS
     assert not measured or peak() < MOST_MEMORY
@@ -94,11 +107,10 @@ def arguments(given: Given, plan: Path) -> tuple[list[str], list[str]]:
     logs = [str(log) for log in logs if log is not None]
     prior = str(given.plan or plan)
     words = ["run", "--prior", prior, "--quiet", *logs, *map(str, given.options)]
-    names = [*logs, prior, *map(str, given.options)]
+    names = [*logs, prior, prior.replace(".yaml", ".pgm"), *map(str, given.options)]
     return words, [Path(name).name for name in names if not name.startswith("--")]
 
 
-@pytest.mark.usefixtures("_bounded")
 @pytest.mark.parametrize("case", CASES, ids=str)
 def test_fault(
     case: Case,
@@ -115,7 +127,8 @@ def test_fault(
         sound = evidence_of(given.like, plan, tmp_path / "like")
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
     capsys.readouterr()
-    code = _exit_code([*words[:1], "-o", "out.replay.mcap", *words[1:]])
+    with bounded():
+        code = _exit_code([*words[:1], "-o", "out.replay.mcap", *words[1:]])
     out, err = capsys.readouterr()
     lines = err.splitlines()
     print(err, file=sys.stderr)  # for whoever reads a failure
@@ -143,9 +156,11 @@ def test_fault(
         assert sum(line.startswith("replay: ") for line in lines) == 1
         return
     assert new == {result}
-    evidence = read_result(result).evidence()
+    run = read_result(result)
+    evidence = run.evidence()
     assert evidence.geometry.rows * evidence.geometry.cols < MOST_CELLS
     compare(case, sparse(evidence), sound)
+    assert walls(run) == SOUND_WALLS
     if given.check:
         given.check(evidence)
 
@@ -161,3 +176,8 @@ def compare(case: Case, found: dict[Any, Any], sound: dict[Any, Any]) -> None:
         nothing = (0,) * 2
         above = [c for c, n in found.items() if np.any(np.subtract(n, sound.get(c, nothing)) > 0)]
         assert above == []
+
+
+def test_every_row_of_the_table_has_its_cases() -> None:
+    assert {case.row for case in CASES} == set(ROWS)
+    assert len({str(case) for case in CASES}) == len(CASES)
