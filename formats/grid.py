@@ -76,6 +76,16 @@ class Geometry:
         """(rows, cols)."""
         return self.rows, self.cols
 
+    def window(self, rows: slice, cols: slice) -> Geometry:
+        """The part of the lattice within rows and cols (start and stop given)."""
+        return Geometry(
+            rows.stop - rows.start,
+            cols.stop - cols.start,
+            self.resolution,
+            self.x + cols.start * self.resolution,
+            self.y + rows.start * self.resolution,
+        )
+
     @property
     def extent(self) -> tuple[float, float, float, float]:
         """x0, y0, x1, y1 in m."""

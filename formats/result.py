@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -54,6 +54,31 @@ class Curve(NamedTuple):
     def of(self, evidence: Evidence) -> Grid:
         """The map of this evidence."""
         return evidence.on(self.prior, self.p_levels, self.update)
+
+
+class Maps(Mapping[str, Grid]):
+    """The map of each curve, drawn from the evidence when it is asked for."""
+
+    def __init__(self, curves: Mapping[str, Curve], evidence: Evidence) -> None:
+        self.curves, self.evidence = curves, evidence
+
+    def __getitem__(self, name: str) -> Grid:
+        return self.curves[name].of(self.evidence)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.curves)
+
+    def __len__(self) -> int:
+        return len(self.curves)
+
+    def window(self, rows: slice, cols: slice) -> Maps:
+        """The same maps within rows and cols, at the cost of that part alone."""
+        geometry = self.evidence.geometry.window(rows, cols)
+        curves = {
+            name: curve._replace(prior=Grid(geometry, curve.prior.values[rows, cols]))
+            for name, curve in self.curves.items()
+        }
+        return Maps(curves, Evidence(geometry, self.evidence.counts[:, rows, cols]))
 
 
 @dataclass(slots=True)

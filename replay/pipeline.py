@@ -2,34 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from time import perf_counter
 
 from formats.frame import Frame
-from formats.grid import Evidence, Grid
-from formats.result import Curve, Step
+from formats.result import Maps, Step
 from replay.mapper import Mapper
 from replay.scoring import Scorer
 from replay.world import World
 
 EARLY = 8  # the first keyframes are 0, 1, 3, 7, ..., since most changes there
 KEYFRAMES = 90
-
-
-class Maps(Mapping[str, Grid]):
-    """The map of each curve, drawn from the evidence when it is asked for."""
-
-    def __init__(self, curves: Mapping[str, Curve], evidence: Evidence) -> None:
-        self._curves, self._evidence = curves, evidence
-
-    def __getitem__(self, name: str) -> Grid:
-        return self._curves[name].of(self._evidence)
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._curves)
-
-    def __len__(self) -> int:
-        return len(self._curves)
 
 
 def keyframes(frames: int) -> set[int]:

@@ -7,13 +7,9 @@ as columns in batches, so that the cost and size of viewing stay bounded.
 from __future__ import annotations
 
 import os
-import socket
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
-from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
 
@@ -22,8 +18,10 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from formats.errors import FormatError, printable
+from formats.grid import Geometry
 from formats.output import atomic
-from formats.result import Step
+from formats.result import Maps, Step
+from formats.result_records import ratios
 from replay.pictures import (
     CURVE_COLOURS,
     CURVE_NAMES,
@@ -34,11 +32,11 @@ from replay.pictures import (
     png,
     thinning,
 )
-from replay.scoring import f2, precision, recall
+from replay.viewer_process import start_viewer
 from replay.world import World
 
 BATCH = 64  # frames a column batch: small enough to look live, large enough to cost nothing
-METRICS = {"f2": f2, "precision": precision, "recall": recall}
+METRICS = {"precision": "Precision", "recall": "Recall", "f2": "F2"}
 
 
 class Scene(NamedTuple):
@@ -73,7 +71,7 @@ def blueprint(scene: Scene) -> Any:
     def series(metric: str) -> Any:
         return rrb.TimeSeriesView(
             origin=f"/score/{metric}",
-            name={"f2": "F2", "precision": "Precision", "recall": "Recall"}[metric],
+            name=METRICS[metric],
             axis_y=rrb.ScalarAxis(range=(0.0, 1.0), zoom_lock=True),
             plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightBottom),
         )
@@ -133,6 +131,9 @@ class Viewer:
         self._stack = ExitStack()
         self._steps: list[Step] = []
         self._start_ns: int | None = None
+        known = scene.world.layers.pixels > 0
+        here = [np.flatnonzero(known.any(axis=1 - axis)) for axis in (0, 1)]
+        self._span = [[int(at[0]), int(at[-1]) + 1] if len(at) else [0, 1] for at in here]
 
     def __enter__(self) -> Viewer:
         # One recording a run; its id must differ between runs that one viewer shows.
@@ -144,7 +145,7 @@ class Viewer:
         if self._path is not None:
             output = atomic(self._path, force=self._force, inputs=self._inputs)
             sinks.append(rr.FileSink(str(self._stack.enter_context(output))))
-        address = _start_viewer() if self._view else self._connect
+        address = start_viewer() if self._view else self._connect
         if address is not None:
             sinks.append(rr.GrpcSink(address))
         self._live = address is not None
@@ -185,12 +186,8 @@ class Viewer:
         # Rerun's 2-D y axis points down: one flip here, and everything below is in metres, y up.
         flip = rr.Transform3D(mat3x3=[[1, 0, 0], [0, -1, 0], [0, 0, 1]])
         rec.log("plan", flip, static=True)
-        shape = geometry.shape
-        cell = geometry.resolution * thinning(shape)
-        place = rr.Transform3D(translation=[geometry.x, geometry.y, 0], scale=cell)
-        for entity in ("with_prior", "without_prior", "errors", "drawing"):
-            rec.log(f"plan/{entity}", place, static=True)
-        walls = png(coloured(shape, [(scene.world.layers.walls(), (60, 60, 60, 90))]))
+        rec.log("plan/drawing", _placed(geometry), static=True)
+        walls = png(coloured(geometry.shape, [(scene.world.layers.walls(), (60, 60, 60, 90))]))
         rec.log("plan/drawing/walls", _image(walls, draw_order=-5), static=True)
         rec.log("report", rr.TextDocument(scene.report, media_type="text/markdown"), static=True)
         for curve, colour in CURVE_COLOURS.items():
@@ -216,14 +213,33 @@ class Viewer:
         self._rec.set_time("stamp", timestamp=time_ns / 1e9)
 
     def _maps(self, step: Step) -> None:
-        """The maps and the errors at a keyframe."""
-        rec, scene = self._rec, self._scene
+        """The maps and the errors at a keyframe, as far as anything is drawn or seen."""
+        rec, world = self._rec, self._scene.world
         self._now(step)
-        main = step.grids[scene.main]
-        wrong = errors(main.occupied(), scene.world.wall, scene.world.scored)
-        rec.log("plan/with_prior/map", _image(png(gray(main)), draw_order=-10))
-        rec.log("plan/without_prior/map", _image(png(gray(step.grids["none"])), draw_order=-10))
-        rec.log("plan/errors/map", _image(png(wrong), draw_order=-1))
+        part = self._part(step)
+        maps = step.grids
+        if isinstance(maps, Maps):
+            maps = maps.window(*part)
+        main, without = maps[self._scene.main], maps["none"]
+        wrong = errors(main.occupied(), world.wall[part], world.scored[part])
+        for entity, cells, order in (
+            ("with_prior", gray(main), -10),
+            ("without_prior", gray(without), -10),
+            ("errors", wrong, -1),
+        ):
+            rec.log(f"plan/{entity}", _placed(main.geometry))
+            rec.log(f"plan/{entity}/map", _image(png(cells), draw_order=order))
+
+    def _part(self, step: Step) -> tuple[slice, slice]:
+        """Rows and columns that hold the plan and all that was seen; it only grows."""
+        if step.evidence is not None:
+            seen = np.asarray(step.evidence.counts.any(axis=0))
+            for axis, span in enumerate(self._span):
+                there = np.flatnonzero(seen.any(axis=1 - axis))
+                if len(there):
+                    span[0], span[1] = min(span[0], there[0]), max(span[1], there[-1] + 1)
+        (r0, r1), (c0, c1) = self._span
+        return slice(int(r0), int(r1)), slice(int(c0), int(c1))
 
     def _send(self) -> None:
         """One batch of scans, poses and scores as columns, and the path that they drove."""
@@ -238,8 +254,8 @@ class Viewer:
         ]
         send = self._rec.send_columns
         for curve in steps[0].counts:
-            for metric, function in METRICS.items():
-                values = [function(step.counts[curve].whole) for step in steps]
+            counts = np.array([step.counts[curve] for step in steps], dtype=np.int64).sum(axis=1)
+            for metric, values in zip(METRICS, ratios(counts).T, strict=True):
                 send(f"score/{metric}/{curve}", times, rr.Scalars.columns(scalars=values))
         scans = [end_points(step) for step in steps]
         lengths = [len(points) for points in scans]
@@ -263,29 +279,12 @@ class Viewer:
         steps.clear()
 
 
+def _placed(geometry: Geometry) -> Any:
+    """Cells to metres of the plan's frame."""
+    cell = geometry.resolution * thinning(geometry.shape)
+    return rr.Transform3D(translation=[geometry.x, geometry.y, 0], scale=cell)
+
+
 def _image(data: bytes, draw_order: float) -> Any:
     """A PNG as Rerun wants it."""
     return rr.EncodedImage(contents=data, media_type="image/png", draw_order=draw_order)
-
-
-def _free_port() -> int:
-    """A port of the loopback interface that nothing listens on."""
-    with socket.socket() as s:
-        s.bind(("127.0.0.1", 0))
-        return int(s.getsockname()[1])
-
-
-def _start_viewer() -> str:
-    """Starts the viewer's own binary, bound to the loopback interface; its address."""
-    import rerun_cli
-
-    name = "rerun.exe" if sys.platform == "win32" else "rerun"
-    binary = Path(rerun_cli.__file__).parent / name
-    port = _free_port()
-    subprocess.Popen(
-        [binary, "--bind", "127.0.0.1", "--port", str(port), "--hide-welcome-screen"],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
-    return f"rerun+http://127.0.0.1:{port}/proxy"

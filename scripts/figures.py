@@ -1,4 +1,4 @@
-"""Draws the pictures of the docs from the sample logs: python -m scripts.figures
+"""Draws the pictures of the docs from the sample logs: `python -m scripts.figures`.
 
 Rerun renders them without a screen, which needs a Vulkan driver (Debian: mesa-vulkan-drivers).
 """
@@ -6,7 +6,6 @@ Rerun renders them without a screen, which needs a Vulkan driver (Debian: mesa-v
 from __future__ import annotations
 
 import os
-import socket
 import sys
 import tempfile
 import time
@@ -15,16 +14,10 @@ from pathlib import Path
 from rerun.experimental import ViewerClient
 
 from replay import run
+from replay.viewer_process import free_port
 
 ROOT = Path(__file__).resolve().parent.parent
 SAMPLES = ROOT / "sample_logs"
-
-
-def free_port() -> int:
-    """A port of the loopback interface that nothing listens on."""
-    with socket.socket() as s:
-        s.bind(("127.0.0.1", 0))
-        return int(s.getsockname()[1])
 
 
 def screenshot(recording: Path, picture: Path, at_s: float, settle_s: float = 2.0) -> list[str]:
