@@ -16,7 +16,7 @@ Numbers = tuple[float, float, float, float, float, float, float]
 
 
 class LaserScan(NamedTuple):
-    """sensor_msgs/LaserScan; `ranges` (n,) float32 (or float64 from Foxglove)."""
+    """sensor_msgs/LaserScan; `ranges` (n,) float32 (float64 from Foxglove), no view on a file."""
 
     stamp_ns: int
     frame: str

@@ -5,8 +5,6 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 
-from numpy import frombuffer
-
 from formats.errors import printable
 from formats.log import Topic
 from formats.messages import (
@@ -25,11 +23,10 @@ from formats.messages import (
 from formats.ros_clouds import point_cloud, point_cloud2
 from formats.ros_pictures import camera_info, compressed_image, image
 from formats.ros_recorded import translator
-from formats.ros_wire import SECOND, Body, Payload, Undecodable, Wire, odd_stamp
+from formats.ros_repeats import LEARNERS, repeating
+from formats.ros_wire import Body, Payload, Undecodable, Wire, odd_stamp
 
 __all__ = ["DECODERS", "Undecodable", "decode", "decoder", "odd_stamp"]
-
-new = tuple.__new__
 
 Noun = (
     LaserScan
@@ -46,32 +43,11 @@ Noun = (
 
 
 def laser_scan(wire: Wire, data: Payload) -> LaserScan:
-    """sensor_msgs/LaserScan.
-
-    It comes by the ten thousand: one unpacking where the payload looks as expected, and where
-    anything is unusual the cursor, which knows every case.
-    """
-    unpack, at = wire.scans[data[wire.low]]
-    try:
-        sec, nanosec, length, name, start, _, step, time_step, _, near, far, count = unpack(data)
-        end = at + 4 * count
-        (bright,) = wire.u4(data, end)
-    except struct.error:
-        return unusual_laser_scan(wire, data)
-    if length > wire.longest or nanosec >= SECOND or len(data) != end + 4 + 4 * bright:
-        return unusual_laser_scan(wire, data)
-    stamp, frame = sec * SECOND + nanosec, wire.short_text(name)
-    ranges = frombuffer(data, wire.f4, count, at)
-    # As LaserScan(...), in half the time.
-    return new(LaserScan, (stamp, frame, start, step, time_step, near, far, ranges))
-
-
-def unusual_laser_scan(wire: Wire, data: Payload) -> LaserScan:
-    """sensor_msgs/LaserScan of any kind."""
+    """sensor_msgs/LaserScan; the ranges are copied, since scans outlive their payloads."""
     body = Body(wire, data)
     stamp, frame = body.header()
     start, _, step, time_step, _, near, far = body.read("7f")
-    ranges = body.array("f4", "ranges")
+    ranges = body.array("f4", "ranges").copy()
     body.array("f4", "intensities")
     body.end()
     return LaserScan(stamp, frame, start, step, time_step, near, far, ranges)
@@ -230,11 +206,15 @@ def decoder(topic: Topic) -> Callable[[Payload], Noun]:
         except (struct.error, IndexError):
             raise cut_short(data) from None
 
-    if topic.encoding == "ros1":
-        return read_ros1
-    if topic.encoding == "cdr":
-        return read_cdr
-    return refuse(Undecodable(f"unknown encoding {printable(topic.encoding)}"))
+    if topic.encoding not in ("ros1", "cdr"):
+        return refuse(Undecodable(f"unknown encoding {printable(topic.encoding)}"))
+    decode_any = read_ros1 if topic.encoding == "ros1" else read_cdr
+    learn = LEARNERS.get(topic.type)
+    if learn is None or translate is not None:
+        return decode_any
+    return repeating(
+        learn, decode_any, lambda data: ROS1 if decode_any is read_ros1 else CDR[data[1]]
+    )
 
 
 def cut_short(data: Payload) -> Undecodable:

@@ -45,8 +45,8 @@ def statement(words: Iterator[str], first: str) -> list[str]:
 def declared(parts: list[str], aliases: dict[str, str]) -> tuple[str, str]:
     """Type, as .msg writes it, and name of a declaration: `sequence<double, 9> covariance`."""
     suffix = ""
-    if parts[-1] == "]" and "[" in parts:  # name [ 36 ]
-        at = parts.index("[")
+    if parts[-1] == "]" and "[" in parts[1:]:  # name [ 36 ]
+        at = parts.index("[", 1)
         parts, suffix = parts[:at], "".join(parts[at:])
     *kind, name = parts
     if kind[:2] == ["sequence", "<"]:

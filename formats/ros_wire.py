@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import lru_cache
 from struct import Struct
 from typing import Any
@@ -58,23 +57,6 @@ def cut(size: int, needed: int, what: str) -> Undecodable:
     return Undecodable("cut short", f"after {size} of {needed} bytes")
 
 
-class ScanLayouts(dict[int, tuple[Callable[[Payload], tuple[Any, ...]], int]]):
-    """A LaserScan up to its ranges, by the length of frame_id: how to unpack it, its size.
-
-    Unpacked: sec, nanosec, length of frame_id, frame_id, seven floats, number of ranges.
-    """
-
-    def __init__(self, wire: Wire) -> None:
-        self.order, self.ros1 = wire.order, wire.ros1
-
-    def __missing__(self, length: int) -> tuple[Callable[[Payload], tuple[Any, ...]], int]:
-        padding = 0 if self.ros1 else -length % 4
-        start = "4xII" if self.ros1 else "4xiI"  # seq or the encapsulation, then the stamp
-        made = Struct(f"{self.order}{start}I{length}s{padding}x7fI")
-        self[length] = made.unpack_from, made.size
-        return self[length]
-
-
 class Wire:
     """One encoding: byte order, where the body starts, how far items are aligned.
 
@@ -90,10 +72,7 @@ class Wire:
         self.long_text = plain_text if self.ros1 else ended_text
         self.short_text = lru_cache(1024)(self.long_text)  # frame ids repeat
         self.layouts: dict[str, tuple[Struct, int, int]] = {}
-        self.scans = ScanLayouts(self)
-        self.low = 12 if order == "<" else 15  # the low byte of frame_id's length
-        self.u4, self.f4 = Struct(order + "I").unpack_from, np.dtype(order + "f4")
-        self.longest = 255 if self.f4.isnative else -1  # frame_id that the fast reading allows
+        self.native = np.dtype(order + "f4").isnative
 
     def layout(self, items: str) -> tuple[Struct, int, int]:
         """The compiled items of one size ("7f"), their bytes together, their alignment's mask."""

@@ -14,6 +14,7 @@ from formats.frame import Pose, Scan
 from formats.messages import LaserScan, MultiEchoLaserScan, RangeReading
 
 Floats = npt.NDArray[np.float64]
+FLOAT32 = np.dtype(np.float32)
 LEVEL = cos(radians(2.0))  # a sensor that tilts by less sees what a level one sees, within 1 cm
 SLAB = 0.25  # m above and below a tilted sensor in which a return is of the wall it would see level
 FLOOR = 0.05  # m; what a tilted sensor sees below is the floor
@@ -78,19 +79,18 @@ def swept(
     motion: Motion | None,
 ) -> Scan:
     """A sweep of beams as seen from above by a sensor that is level, upside down or tilted."""
-    start, step = reading.angle_min, reading.angle_increment
-    limits = reading.range_min, reading.range_max
+    near, far = reading.range_min, reading.range_max
+    if near == far == 0.0:
+        far = inf
     upright = float(matrix[2, 2])
-    mirrored = upright < 0
-    near, far = limits if limits != (0.0, 0.0) else (0.0, inf)
-    bearings, widths, falling = beams(start, step, len(ranges), mirrored)
-    if falling:
-        ranges = ranges[::-1]
-    # A copy: the reading may be a view on a page that is gone tomorrow, unaligned, read-only.
-    found = np.array(ranges, dtype=np.float32)
-    scan = Scan(bearings, widths, found, near, far)
-    if abs(upright) < LEVEL:
-        return projected(scan, matrix, mirrored)
+    bearings, widths, falling = beams(
+        reading.angle_min, reading.angle_increment, len(ranges), upright < 0
+    )
+    if falling or ranges.dtype != FLOAT32:
+        ranges = np.array(ranges[::-1] if falling else ranges, dtype=FLOAT32)
+    scan = Scan(bearings, widths, ranges, near, far)
+    if -LEVEL < upright < LEVEL:
+        return projected(scan, matrix, upright < 0)
     if motion is None:
         return scan
     return deskewed(scan, *(motion[::-1] if falling else motion))
@@ -108,7 +108,8 @@ def deskewed(scan: Scan, first: Pose, last: Pose) -> Scan:
         return scan
     from formats.sensing_kernels import deskew
 
-    bearings, ranges = deskew(scan.bearings, scan.ranges, *first, *last)
+    # A copy may be written to, as other scans: kernels are compiled once more for those that not.
+    bearings, ranges = deskew(scan.bearings, scan.ranges.copy(), *first, *last)
     turned = 1.0 + (last.yaw - first.yaw) / float(scan.bearings[-1] - scan.bearings[0])
     widths = scan.widths * max(turned, 0.1)
     return Scan(bearings, widths, ranges, scan.min_range, scan.max_range)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
@@ -275,6 +275,7 @@ WORDS = "module struct typedef const sequence < > { } [ ] ( ) ; , @ a b 3 string
 
 @given(st.lists(st.sampled_from([*WORDS.split(), '"', "\n", "=====", "//", "/*", "*/"])))
 @settings(max_examples=300, deadline=None)
+@example(["typedef", "[", "]"])
 def test_any_idl_is_read_without_an_error(words: list[str]) -> None:
     for fields in idl_fields(" ".join(words)).values():
         assert all(isinstance(kind, str) and isinstance(name, str) for kind, name in fields)
@@ -289,11 +290,13 @@ def test_reading_by_recorded_fields_is_not_the_usual_way(monkeypatch: pytest.Mon
     none = np.zeros(0, dtype=np.float32)
     m = t[LASER](header, *(0.0,) * 7, np.ones(3, dtype=np.float32), none)
     payload = bytes(types.serialize_cdr(m, LASER))
+    topic = Topic("/scan", LASER, "cdr", text.encode(), "ros2msg")
+    decode(topic, payload)
 
     def refuse(*_: object) -> None:
         raise AssertionError("cursor used")
 
     monkeypatch.setattr(Body, "__init__", refuse)
-    found = decode(Topic("/scan", LASER, "cdr", text.encode(), "ros2msg"), payload)
+    found = decode(topic, payload)
     assert isinstance(found, LaserScan)
     assert found.ranges.tolist() == [1.0] * 3
