@@ -13,7 +13,8 @@ from formats.result import Step
 Bools = npt.NDArray[np.bool_]
 Colour = tuple[int, int, int]
 MOST_CELLS = 4_000_000  # a larger map is shown at a lower resolution
-MOST_POINTS = 720  # of a scan
+MOST_POINTS = 400  # of a scan
+HORIZON = 1e4  # m, farther than any range sensor sees
 # Okabe and Ito's palette: told apart with any colour vision. Red, green, blue.
 FOUND, MISSED, FALSE = (0, 114, 178), (230, 159, 0), (204, 121, 167)
 CURVE_COLOURS: dict[str, Colour] = {
@@ -67,12 +68,13 @@ def errors(occupied: Bools, truth: Bools, scored: Bools) -> npt.NDArray[np.uint8
 
 def end_points(step: Step) -> npt.NDArray[np.float32]:
     """Where the beams of a step ended, (n, 2) m in the plan's frame, thinned."""
-    scan = step.frame.scan
-    ranges = np.asarray(scan.ranges)
+    scan, pose = step.frame.scan, step.frame.pose
+    every = slice(None, None, max(1, -(-len(scan.ranges) // MOST_POINTS)))
+    ranges = scan.ranges[every]
     with np.errstate(invalid="ignore"):
-        seen = (ranges >= max(scan.min_range, 1e-6)) & (ranges < scan.max_range)
-    good = np.flatnonzero(seen & np.isfinite(ranges))
-    good = good[:: max(1, int(np.ceil(len(good) / MOST_POINTS)))]
-    angles, reach = scan.bearings[good], ranges[good].astype(np.float64)
-    points = np.stack([reach * np.cos(angles), reach * np.sin(angles)], axis=1)
-    return step.frame.pose.apply(points).astype(np.float32)
+        seen = (ranges >= max(scan.min_range, 1e-6)) & (ranges < min(scan.max_range, HORIZON))
+    reach, angles = ranges[seen], scan.bearings[every][seen] + pose.yaw
+    points = np.empty((len(reach), 2), dtype=np.float32)
+    points[:, 0] = pose.x + reach * np.cos(angles)
+    points[:, 1] = pose.y + reach * np.sin(angles)
+    return points

@@ -13,7 +13,7 @@ import rerun as rr
 
 from formats.errors import FormatError
 from replay import run
-from replay.pictures import FALSE, FOUND, MISSED, coloured, errors, png, thinning
+from replay.pictures import FALSE, FOUND, MISSED, coloured, end_points, errors, png, thinning
 
 ROOT = Path(__file__).resolve().parents[2]
 SAMPLES = ROOT / "sample_logs"
@@ -157,6 +157,16 @@ def test_errors_are_coloured_by_kind() -> None:
         clear,
         clear,
     ]
+
+
+def test_end_points_are_where_beams_ended() -> None:
+    from formats.frame import Frame, Pose, Scan
+    from formats.result import Step
+
+    ranges = np.array([1, np.inf, np.nan, 0.01, 2], np.float32)
+    scan = Scan(np.array([0.0, 0.1, 0.2, 0.3, np.pi / 2]), np.full(5, 0.1), ranges, 0.1, 10.0)
+    frame = Frame(0, Pose(1.0, 2.0, np.pi / 2), scan)
+    assert np.allclose(end_points(Step(0, frame, {}, {})), [[1.0, 3.0], [-1.0, 2.0]], atol=1e-6)
 
 
 def test_png_keeps_red_and_thins_large_maps() -> None:
