@@ -1,7 +1,7 @@
 """Circular arcs in thin ink: bent stretches of outlines suggest circles, the ink near settles them.
 
-A leaf's arc is the one feature
-of a door that furniture and text seldom share, so its radius also gives the drawing's scale.
+A leaf's arc is the one feature of a door that furniture and text seldom share, so its radius also
+gives the drawing's scale.
 """
 
 from __future__ import annotations

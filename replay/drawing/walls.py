@@ -131,12 +131,12 @@ def _hatched(ink: Bits, cells: Cells, solid: Bits, door: float) -> Bits:
 
 def _is_hollow_style(ink: Bits, walls: Bits, line: int, door: float) -> bool:
     """Whether double lines stand for walls here: what is solid is too thin for outer walls."""
+    if float(walls.sum()) < SOLID_INK * float(ink.sum()):
+        return True
     factor = max(1, round(door / 24))
     long = round(LONG * door / factor)
     thick = opened(walls, max(round(OUTER * door), 3 * line + 1))
     area = [float(straight(_coarse(m, factor), long).sum()) for m in (thick, walls)]
-    if area[1] * factor * factor < SOLID_INK * float(ink.sum()):
-        return True
     return area[0] <= OUTER_SHARE * area[1]
 
 

@@ -33,6 +33,15 @@ def test_walls_between_two_lines_are_found_where_no_wall_is_filled() -> None:
     assert score_walls(found.walls, sheet.walls).f1_3px > 0.97
 
 
+def test_lone_pieces_of_hollow_wall_are_found_where_nothing_else_is_drawn() -> None:
+    sheet = Sheet.of(900, 1200)
+    for box in ((100, 100, 700, 124), (300, 300, 324, 800), (500, 500, 1100, 524)):
+        x0, y0, x1, y1 = box
+        sheet.walls[y0:y1, x0:x1] = True
+        cv2.rectangle(sheet.gray, (x0, y0), (x1 - 1, y1 - 1), 180, 1)
+    assert score_walls(extract(sheet.gray).walls, sheet.walls).f1_3px > 0.97
+
+
 def test_every_door_is_found_with_its_hinge_and_width() -> None:
     sheet = flat()
     found = extract(sheet.gray)
