@@ -44,7 +44,7 @@ def field_of(mask: Mask) -> Field:
     nx, ny = _normals(mask)
     normal = np.column_stack((nx[mask], ny[mask])).astype(np.float32)
     step = max(1, len(points) // MOST_WALL)
-    return Field(far, order[labels], at, normal, at[::step])
+    return Field(np.asarray(far, np.float32), order[labels], at, normal, at[::step])
 
 
 def _normals(mask: Mask) -> tuple[Floats, Floats]:

@@ -102,7 +102,7 @@ def align(
     seen: Seen,
     walls: Mask,
     *,
-    scale: float | None = None,
+    scale: float | tuple[float, float] | None = None,
     mirrored: bool | None = None,
     name: str = "",
 ) -> Alignment:
@@ -111,7 +111,8 @@ def align(
     Args:
         seen: what the robot saw.
         walls: (H, W) the plan's ink.
-        scale: plan pixels a map cell, where it is known; kept to within 4 %.
+        scale: plan pixels a map cell, where it is known (kept to within 4 %), or from and to;
+            None: searched.
         mirrored: None: both ways are tried.
         name: of the map, for errors.
 
@@ -119,7 +120,10 @@ def align(
         FormatError: no place fits at all.
     """
     started = perf_counter()
-    low, high = (scale / SLACK, scale * SLACK) if scale else scale_range(seen, walls)
+    if isinstance(scale, tuple):
+        low, high = scale
+    else:
+        low, high = (scale / SLACK, scale * SLACK) if scale else scale_range(seen, walls)
     count = int(np.ceil(np.log(high / low) / np.log(STEP))) + 1
     scales = np.geomspace(low, high, count).tolist()
     mirrors = [False, True] if mirrored is None else [mirrored]
@@ -134,6 +138,20 @@ def align(
         raise FormatError(name, "no place on the plan fits it at all")
     places = weighed(distinct(fits, seen), seen.to_cells)
     return Alignment(places[: 1 + RUNNERS], perf_counter() - started)
+
+
+def align_place(seen: Seen, walls: Mask, matrix: Doubles) -> Place:
+    """A place that somebody gave, weighed; it is taken as sure.
+
+    Args:
+        seen: what the robot saw.
+        walls: (H, W) the plan's ink.
+        matrix: (2, 3) as a place's.
+    """
+    whole = np.vstack([seen.to_cells, [0.0, 0.0, 1.0]])
+    cells = matrix @ np.linalg.inv(whole)
+    fit = Bench(seen, walls).weigh(cells)
+    return Place(matrix, fit.mirrored, fit.score, fit.explained, fit.confirmed, 1.0)
 
 
 def scale_range(seen: Seen, walls: Mask) -> tuple[float, float]:
