@@ -24,10 +24,12 @@ SHRUNK = "the file was cut while it was read"
 LARGEST_MESSAGE = 1 << 32
 TOP = frozenset({HEADER, FOOTER, CHUNK, DATA_END})  # where a run of plain records ends
 RUN_BYTES = 4 << 20
+WORTHWHILE = 16  # messages in a row of one size
 MOST_OTHERS = 1_000_000  # records that are no messages; more in one block are a trap
 AHEAD = 3  # blocks that are loaded ahead of the reader
 AHEAD_BYTES = 32 << 20  # larger blocks are loaded one at a time
 
+HEADS = np.dtype([("opcode", "u1"), ("size", "<u8")])
 # A message's record as it lies in the file, opcode and length included.
 RAW = np.dtype(
     [
@@ -172,19 +174,36 @@ def walk_block(
     others: list[tuple[int, int, int]] = []
     add = messages.append
     last = min(stop - HEAD.size, at + enough)
+    before, hopeful = 0, True
     while at <= last:
         opcode, size = unpack(data, at)
         after = at + 9 + size
         if after > stop:
             break
         if opcode == MESSAGE and MESSAGE_HEAD <= size < LARGEST_MESSAGE:
-            add(at)
+            if hopeful and size == before:  # two of a size: perhaps a long row of them
+                step = after - at
+                most = min((stop - at) // step, (last - at) // step + 1, PIECE)
+                more = row(data, at, size, most)
+                after = at + more * step
+                messages.extend(range(at, after, step))
+                hopeful = more >= WORTHWHILE
+            else:
+                add(at)
+            before = size
         elif opcode == 0 or opcode in ends or len(others) == MOST_OTHERS:
             break
         else:
             others.append((opcode, at + 9, after))
         at = after
     return Walked(messages, others, at)
+
+
+def row(data: Buffer, at: int, size: int, most: int) -> int:
+    """How many messages of one size follow each other, of `most` that would fit."""
+    heads = np.ndarray((most,), HEADS, data, at, (HEAD.size + size,))
+    same = (heads["opcode"] == MESSAGE) & (heads["size"] == size)
+    return most if same.all() else int(same.argmin())
 
 
 def entries(data: Buffer, messages: array[int]) -> Entries:
