@@ -1,6 +1,7 @@
 """Sensor models: what a reading shows of which cell, in levels.
 
-A beam is the sector of its width. `beam`: a cell is missed iff its centre lies in a sector, nearer
+A beam is the sector of its width; gaps and overlaps of neighbours under a tenth of it, as
+de-skewing leaves them, are closed. `beam`: a cell is missed iff its centre lies in a sector, nearer
 than the range less a margin, and hit iff it contains an end point; hit beats miss. `eq10` and
 `eq15`: the same sectors seen by n x n sub-samples of a cell, with a hit band one cell deep, and
 the level is the empty share of the samples that were observed (PAPER A10, A33).
@@ -10,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import isfinite, pi
+from math import isfinite
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -18,18 +19,16 @@ import numpy.typing as npt
 
 from formats.frame import Pose, Scan
 from formats.grid import P_MAX, P_MIN, Counted, Geometry
+from replay.sensor_fan import Shape, fan
 from replay.sensor_fill import read
 from replay.sensor_kernels import Floats, Ints
 
 NoReturn = Literal["near", "clear", "ignore"]
-Shape = Literal["sectors", "polygon"]
 
 TOUCHING = 1e-3  # m, nearer than any reading
 HORIZON = 1e4  # m, farther than any range sensor sees: 1e38 stands for nothing
 AT_MOST = 1.0 - 1e-6  # of range_max: what is clipped to it has seen nothing
-JOIN = 1e-6  # rad, borders nearer than this are one
 CLEAR = {"near": 5.0, "clear": HORIZON, "ignore": 0.0}  # m that a no-return clears at most
-WIDEST = 0.05  # rad, a wider beam is filled as several, so that its front is an arc
 
 
 class Touched(NamedTuple):
@@ -126,49 +125,6 @@ MODELS: dict[str, Model] = {
 }
 
 
-class Fan(NamedTuple):
-    """The borders of a scan's sectors, in the order of bearing; see `sensor_kernels.chain`."""
-
-    corners: Floats
-    links: Ints
-    centres: Floats
-    order: Ints
-
-
-def fan(bearings: Floats, widths: Floats, shape: Shape = "sectors") -> Fan:
-    """Sectors of the beams' widths, or the triangles between neighbouring beams.
-
-    Args:
-        bearings: (n,) rad, in any order; widths: (n,) rad. A beam where either is not finite, or
-            whose width is not positive, is left out.
-        shape: "sectors", or "polygon": one vertex a beam, which closes the gaps between rays.
-    """
-    good = np.isfinite(bearings) & np.isfinite(widths) & (widths > 0.0)
-    beams = np.flatnonzero(good).astype(np.int32)
-    beams = beams[np.argsort(bearings[beams], kind="stable")]
-    b, w = bearings[beams], np.minimum(widths[beams], 2.0 * pi)
-    centres = np.stack((np.cos(b), np.sin(b)))
-    if shape == "polygon":
-        right, left = b, np.append(b[1:], b[:1] + 2.0 * pi)
-        near, far = beams, np.roll(beams, -1)
-        gap = left - right  # below 0 where the scan turns by more than a full circle
-        keep = (gap >= 0.0) & (gap <= np.minimum(0.5 * (w + np.roll(w, -1)) + JOIN, 3.0))
-        right, left, near, far = right[keep], left[keep], near[keep], far[keep]
-    else:
-        parts = np.ceil(w / WIDEST).astype(np.int64)
-        near = far = np.repeat(beams, parts)
-        part = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
-        start, step = np.repeat(b - 0.5 * w, parts), np.repeat(w / parts, parts)
-        right, left = start + part * step, start + (part + 1) * step
-    joined = np.zeros(right.size, dtype=bool)
-    joined[1:] = np.abs(right[1:] - left[:-1]) <= JOIN
-    right[1:][joined[1:]] = left[:-1][joined[1:]]
-    corners = np.stack((np.cos(right), np.sin(right), np.cos(left), np.sin(left)))
-    if right.size and abs(left[-1] - right[0] - 2.0 * pi) <= JOIN:
-        corners[2:, -1] = corners[:2, 0]
-    return Fan(corners, np.stack((near, far, joined)).astype(np.int32), centres, beams)
-
-
 class Observer:
     """A model at work on one lattice, with its buffers; called once a reading.
 
@@ -180,7 +136,7 @@ class Observer:
             most, "clear" up to the sensor's greatest range, "ignore" nothing.
         margin: cells before the hit that are not shown empty; None: the model's.
         min_observed: share of a cell's samples that makes a visit.
-        shape: see `fan`.
+        shape: see `sensor_fan.fan`.
     """
 
     def __init__(
@@ -273,7 +229,7 @@ class Observer:
             (self.geometry.rows * self.geometry.cols + beams + 1, 3), dtype=np.int32
         )
         most = max(beams, self._fan.links.shape[1])
-        self._points, self._edges = np.empty((6, most)), np.empty(3 * most + 1, dtype=np.int32)
+        self._points, self._edges = np.empty((6, most)), np.empty(2 * most + 1, dtype=np.int32)
 
     def _aim(self, scan: Scan) -> None:
         """Directions of the borders: those of the last scan where the bearings are the same."""
@@ -283,6 +239,8 @@ class Observer:
             np.array_equal(scan.bearings, self._bearings)
             and np.array_equal(scan.widths, self._widths)
         ):
-            self._fan = fan(scan.bearings, scan.widths, self.shape)
+            bearings = np.ascontiguousarray(scan.bearings, dtype=np.float64)
+            widths = np.ascontiguousarray(scan.widths, dtype=np.float64)
+            self._fan = fan(bearings, widths, self.shape)
             self._scratch(scan.bearings.size)
         self._bearings, self._widths = scan.bearings, scan.widths

@@ -16,9 +16,53 @@ from replay.sensor_kernels import (
     chain,
     clean,
     ends,
-    sort,
     turn,
 )
+
+# Moves that sorting an event by insertion may take on average; scans can come in bad order.
+PATIENCE = 8
+
+
+@njit
+def sort(line: Ints, filled: Ints, backwards: bool, spare: Ints) -> None:
+    """Sort a row's events: each part comes almost in order, backwards above the sensor.
+
+    Args:
+        line: (n,) events.
+        filled: (parts,) where each part ends.
+        backwards: the sensor lies below.
+        spare: (room,) scratch.
+    """
+    start = 0
+    for end in filled:
+        if backwards:
+            for i in range((end - start) // 2):
+                j, k = start + i, end - 1 - i
+                line[j], line[k] = line[k], line[j]
+        moves = 0
+        for i in range(start + 1, end):
+            key = line[i]
+            j = i
+            while j > start and line[j - 1] > key:
+                line[j] = line[j - 1]
+                j -= 1
+            line[j] = key
+            moves += i - j
+            if moves > PATIENCE * (end - start):
+                line[start:end].sort()
+                break
+        if start > 0:  # merge from the end, without branches on the data
+            i, j, k = start - 1, end - start - 1, end - 1
+            spare[: end - start] = line[start:end]
+            while j >= 0 and i >= 0:
+                old = int(line[i] > spare[j])
+                line[k] = line[i] if old != 0 else spare[j]
+                i -= old
+                j -= 1 - old
+                k -= 1
+            for q in range(j + 1):
+                line[q] = spare[q]
+        start = end
 
 
 @njit
@@ -173,7 +217,7 @@ def read(
         corners: as for `turn`; links: (3, sectors) its `beams`, and `joined` as for `chain`.
         centres, order: as for `ends`.
         ranges: (beams,) m.
-        depths: (3, beams), points: (6, k), edges: (3 * k + 1,): scratch, k as the more of sectors
+        depths: (3, beams), points: (6, k), edges: (2 * k + 1,): scratch, k as the more of sectors
             and beams.
         limits: as for `clean`, m.
         place: of the sensor from the lattice's corner: samples, samples, rad.

@@ -24,8 +24,8 @@ Place = tuple[float, float, float]
 # An event is column * 4 + one of these: a set begins or ends here. Hits are a set of samples for
 # `fill_shares`, and single cells, each one event, for `fill_cells`.
 FREE, HIT, LEAVE = 0, 2, 1
-# An edge follows a border that two sectors share, closes a sector, or links a chain's end home.
-ALONG, ACROSS, BACK, OUT = 0, 1, 2, 3
+# An edge follows a border that two sectors share, closes a sector, or leads home and out again.
+ALONG, ACROSS, GAP = 0, 1, 2
 
 
 @njit
@@ -87,36 +87,97 @@ def turn(corners: Floats, beams: Ints, depth: Floats, place: Place, points: Floa
 
 
 @njit
-def list_edges(points: Floats, joined: Ints, home: float, edges: Ints) -> int:
+def list_edges(points: Floats, joined: Ints, home: float, first: int, edges: Ints) -> int:
     """The edges that cross a row of centres, in order: sector * 4 + the kind of edge.
 
     Written without branches on the data, since which edges cross cannot be predicted.
 
     Args:
         points: as `turn` gives them.
-        joined: (s,) 1 where a sector's first border is the last one of the sector before.
+        joined: (s,) 1 where a sector's first border is the last one of the sector before, 0 where
+            a gap (or an overlap) lies between them; the first follows the last.
         home: the first row whose centre lies at or above the sensor.
-        edges: (3 * s + 1,) out.
+        first: the sector to begin with.
+        edges: (2 * s + 1,) out.
 
     Returns:
         how many there are.
     """
-    n, row = 0, home
-    for k in range(joined.size):
+    if joined.size == 0:
+        return 0
+    n, row = 0, points[5, first - 1 if first > 0 else joined.size - 1]
+    for i in range(joined.size):
+        k = first + i
+        k -= joined.size if k >= joined.size else 0
         start, end = points[4, k], points[5, k]
         if joined[k] != 0:
             edges[n] = 4 * k + ALONG
             n += int(row != start)
         else:
-            edges[n] = 4 * (k - 1) + BACK
-            n += int(row != home)
-            edges[n] = 4 * k + OUT
-            n += int(start != home)
+            edges[n] = 4 * k + GAP
+            n += int(row != home) | int(start != home)
         edges[n] = 4 * k + ACROSS
         n += int(start != end)
         row = end
-    edges[n] = 4 * (joined.size - 1) + BACK
-    return n + int(row != home)
+    return n
+
+
+@njit
+def begin(corners: Floats, c: float, s: float) -> int:
+    """The sector at which the fan turns from up to down, so that rows are crossed in order."""
+    above = False
+    for k in range(corners.shape[1]):
+        up = s * corners[0, k] + c * corners[1, k] >= 0.0
+        if above and not up:
+            return k
+        above = up
+    return 0
+
+
+@njit
+def note(events: Ints, filled: Ints, row: int, at: float, columns: int, code: int) -> None:
+    """Write an event in a row; where there is no room it is only counted."""
+    if filled[row] < events.shape[1]:
+        events[row, filled[row]] = int(min(max(at, 0.0), float(columns))) * 4 + code
+    filled[row] += 1
+
+
+@njit
+def gap(
+    before: float,
+    after: float,
+    home: float,
+    x: float,
+    y: float,
+    back: float,
+    out: float,
+    row0: int,
+    columns: int,
+    code: int,
+    events: Ints,
+    filled: Ints,
+) -> None:
+    """Events of a border home and of the next one out again, where a centre lies between them.
+
+    Args:
+        before, after: the first rows of the two corners.
+        home: the sensor's.
+        x, y: samples, of the sensor from the centre of sample (0, 0).
+        back, out: dx / dy of the two borders.
+    """
+    low = max(int(min(before, after, home)) - row0, 0)
+    high = min(int(max(before, after, home)) - row0, filled.size)
+    for i in range(low, high):
+        row = float(i + row0)
+        first = min(before, home) <= row < max(before, home)
+        second = min(after, home) <= row < max(after, home)
+        u, v = ceil(x + (row - y) * back), ceil(x + (row - y) * out)
+        if first and second and u == v:
+            continue
+        if first:
+            note(events, filled, i, u, columns, code ^ int(before < home))
+        if second:
+            note(events, filled, i, v, columns, code ^ int(home < after))
 
 
 @njit
@@ -145,31 +206,30 @@ def chain(
     x, y = place[0] - 0.5, place[1] - 0.5
     c, s = cos(place[2]), sin(place[2])
     home = ceil(y)
-    for j in range(list_edges(points, joined, home, edges)):
+    leftmost = begin(corners, c, s)
+    for j in range(list_edges(points, joined, home, leftmost, edges)):
         k, kind = edges[j] >> 2, edges[j] & 3
-        px, py, slope = 0.0, 0.0, 0.0
+        before = k - 1 if k > 0 else joined.size - 1
+        px, py = 0.0, 0.0
         if kind == ACROSS:
             first, last = points[4, k], points[5, k]
             px, py = points[0, k], points[1, k]
             slope = (points[2, k] - px) / (points[3, k] - py)
         else:
-            first, last = home, points[4, k]
-            if kind == ALONG:
-                first = points[5, k - 1]
-            elif kind == BACK:
-                first, last = points[5, k], home
-            u = corners[2 if kind == BACK else 0, k]
-            v = corners[3 if kind == BACK else 1, k]
+            first, last = points[5, before], points[4, k]
+            u, v = corners[0, k], corners[1, k]
             slope = (c * u - s * v) / (s * u + c * v)
+        if kind == GAP:
+            u, v = corners[2, before], corners[3, before]
+            back = (c * u - s * v) / (s * u + c * v)
+            gap(first, last, home, x, y, back, slope, row0, columns, code, events, filled)
+            continue
         said = code ^ int(first < last)  # going down enters, going up leaves
         low = max(int(min(first, last)) - row0, 0)
         high = min(int(max(first, last)) - row0, filled.size)
         for row in range(low, high):
             at = ceil(x + px + (row + row0 - (y + py)) * slope)
-            if filled[row] < events.shape[1]:
-                column = int(min(max(at, 0.0), float(columns)))
-                events[row, filled[row]] = column * 4 + said
-            filled[row] += 1
+            note(events, filled, row, at, columns, said)
 
 
 @njit
@@ -215,40 +275,3 @@ def ends(
     for k in range(n):
         held[k, 0], held[k, 1] = hits[runs[k, 0]], misses[runs[k, 0]]
     return n
-
-
-@njit
-def sort(line: Ints, filled: Ints, backwards: bool, spare: Ints) -> None:
-    """Sort a row's events: each part comes almost in order, backwards above the sensor.
-
-    Args:
-        line: (n,) events.
-        filled: (parts,) where each part ends.
-        backwards: the sensor lies below.
-        spare: (room,) scratch.
-    """
-    start = 0
-    for end in filled:
-        if backwards:
-            for i in range((end - start) // 2):
-                j, k = start + i, end - 1 - i
-                line[j], line[k] = line[k], line[j]
-        for i in range(start + 1, end):
-            key = line[i]
-            j = i
-            while j > start and line[j - 1] > key:
-                line[j] = line[j - 1]
-                j -= 1
-            line[j] = key
-        if start > 0:  # merge from the end, without branches on the data
-            i, j, k = start - 1, end - start - 1, end - 1
-            spare[: end - start] = line[start:end]
-            while j >= 0 and i >= 0:
-                old = int(line[i] > spare[j])
-                line[k] = line[i] if old != 0 else spare[j]
-                i -= old
-                j -= 1 - old
-                k -= 1
-            for q in range(j + 1):
-                line[q] = spare[q]
-        start = end

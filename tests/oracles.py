@@ -34,8 +34,8 @@ def cleaned(
     return max(r - margin, 0.0), r
 
 
-def sectors(scan: Scan, shape: str = "sectors", widest: float = 0.05) -> list[Sector]:
-    """Borders of what each beam stands for; wide beams in equal parts."""
+def sectors(scan: Scan, shape: str, widest: float = 0.05, join: float = 0.1) -> list[Sector]:
+    """Borders of what each beam stands for: wide beams in equal parts, small gaps closed."""
     found: list[Sector] = []
     beams = [i for i in range(len(scan.ranges)) if np.isfinite(scan.bearings[i])]
     beams = [i for i in beams if np.isfinite(scan.widths[i]) and scan.widths[i] > 0]
@@ -44,15 +44,25 @@ def sectors(scan: Scan, shape: str = "sectors", widest: float = 0.05) -> list[Se
         for i, j in zip(beams, beams[1:] + beams[:1], strict=True):
             a, b = float(scan.bearings[i]), float(scan.bearings[j])
             b += 2 * pi if j == beams[0] else 0
-            if 0 <= b - a <= min((scan.widths[i] + scan.widths[j]) / 2 + 1e-6, 3.0):
+            if 0 <= b - a <= min((scan.widths[i] + scan.widths[j]) / 2 * (1 + join), 3.0):
                 found.append((a, b, i, j))
         return found
+    beams.sort(key=lambda i: float(scan.bearings[i]))
+    ends: list[tuple[float, float]] = []  # where each beam's last sector ends, and its width
     for i in beams:
         width = min(float(scan.widths[i]), 2 * pi)
         parts = int(np.ceil(width / widest))
+        start, step = float(scan.bearings[i]) - width / 2, width / parts
         for k in range(parts):
-            a = float(scan.bearings[i]) - width / 2 + k * width / parts
-            found.append((a, a + width / parts, i, i))
+            found.append((start + k * step, start + (k + 1) * step, i, i))
+        if ends and abs(start - ends[-1][0]) <= join * min(width, ends[-1][1]):
+            found[-parts] = (ends[-1][0], *found[-parts][1:])
+        ends.append((start + parts * step, width))
+    if len(found) > 1:
+        width, (last, other) = min(float(scan.widths[beams[0]]), 2 * pi), ends[-1]
+        start = float(scan.bearings[beams[0]]) - width / 2
+        if abs(start + 2 * pi - last) <= join * min(width, other):
+            found[0] = (last - 2 * pi, *found[0][1:])
     return found
 
 
