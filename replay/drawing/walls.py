@@ -21,6 +21,7 @@ DIAGONAL = 22.0  # degrees about 45 that a hatching may run
 BLOCK = 0.75  # door widths: what is thicker in both directions is furniture, stairs or paving
 BRIDGE = 4.0  # door widths: gaps between walls of one building, for windows and porches
 SCRAP = 0.04  # of the largest building's walls: less is no building
+ALL_BOLD = 0.7  # of the bent hollow bands' area: bold lines are what tells walls
 BOLD = 1.3  # times the usual line: the lines of walls where these are drawn bold
 ENDLESS = 40.0  # square door widths: a larger cell is a room, not the room in a wall
 GAP = 0.01  # of the ink: what a gap between the thickness of lines and of walls may hold
@@ -171,7 +172,7 @@ def _hollow(ink: Bits, cells: Cells, solid: Bits, line: int, door: float) -> Bit
             beside = cells.bordering(grown(taken, 2 * line + 3))
             lined |= narrow & (beside > 0.3) & (cells.length > 0.3 * door)
         return cells.pick(bent | lined)
-    if float(cells.area[bold & bent].sum()) > 0.5 * area["bent"]:
+    if float(cells.area[bold & bent].sum()) > ALL_BOLD * area["bent"]:
         return cells.pick(bold)
     chosen = cells.pick(narrow & (cells.length > 2 * cells.width))
     return chosen & (1 - opened(chosen | ink, round(BLOCK * door)))
