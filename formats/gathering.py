@@ -47,6 +47,10 @@ def decoder_of(topic: Topic) -> Callable[[bytes | memoryview], Any] | None:
 
         if topic.type in foxglove.DECODERS:
             return partial(foxglove.decode, topic)
+    if topic.encoding == "carmen":
+        from formats import carmen_nouns
+
+        return carmen_nouns.decoder(topic)
     return None
 
 

@@ -21,6 +21,7 @@ READERS = {
     "ROS 1 bag": "formats.bag",
     "MCAP": "formats.mcap_log",
     "rosbag2": "formats.rosbag2",
+    "CARMEN": "formats.carmen",
 }
 HEAD = 4096
 MAX_CHUNK = 256 << 20
@@ -102,7 +103,7 @@ def what_it_is(path: Path, head: bytes) -> FormatError:
         text = head[:-4].decode("utf-8", "ignore") if len(head) > 4 else head.decode("latin-1")
         readable = len(text.encode()) >= len(head) - 8 and not set(text) & set("\0\1\2\3\4\5\6")
         known = "text" if readable else f"unknown data (starts with {head[:8].hex(' ')})"
-    return FormatError(path, f"is {known}, not a log", hint="logs are .bag, rosbag2 or .mcap")
+    return FormatError(path, f"is {known}, not a log", hint="logs are .bag, rosbag2, .mcap, CARMEN")
 
 
 def _head(path: Path) -> bytes:

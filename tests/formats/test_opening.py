@@ -126,4 +126,5 @@ def test_paths_that_lead_nowhere(tmp_path: Path) -> None:
 
 
 def test_every_reader_is_there_and_tested() -> None:
-    assert set(READERS) == {"ROS 1 bag", "MCAP", "rosbag2"}  # each stands in KINDS above
+    # Each stands in KINDS above, CARMEN in test_carmen.py.
+    assert set(READERS) == {"ROS 1 bag", "MCAP", "rosbag2", "CARMEN"}
