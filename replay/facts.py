@@ -42,6 +42,14 @@ def markdown(title: str, lines: dict[str, list[str]]) -> str:
 
 def warn(world: World, options: Options, notes: Notes) -> None:
     """What the user should know before believing the scores."""
+    about = world.plan.path if world.plan is not None else ""
+    levels = world.curves["none"].p_levels
+    if levels[0] > levels[-1]:
+        notes.warn(about, "--p-hit is below --p-miss: hits make cells empty (both are P(OCCUPIED))")
+    if world.plan is not None and options["p_wall"] > options["p_space"]:
+        notes.warn(
+            about, "--p-wall is above --p-space: walls are expected empty (both are P(EMPTY))"
+        )
     if options["update"] == "paper" and world.plan is not None:
         levels = world.curves["paper"].p_levels
         asked = options["p_wall"], options["p_space"], options["prior_scale"]

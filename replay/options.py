@@ -79,21 +79,46 @@ WORLD: Options = {
 # Walls indoors lie nearer than 25 m, and the grid stays small.
 MAPPING: Options = {"max_range": 25.0, "no_return": "near"}
 DEFAULTS: Options = {**READING, **PLAN, **WORLD, **MAPPING}
+# Least and most of each number (s, m, rad, or a share); nan is none of them.
+RANGES: dict[str, tuple[float, float]] = {
+    "pose_delay": (-1e9, 1e9),
+    "every": (1, inf),
+    "readings_per_pose": (1, inf),
+    "min_travel": (0.0, 1e6),
+    "min_turn": (0.0, 1e6),
+    "start_offset": (0.0, 1e9),
+    "duration": (1e-9, 1e9),
+    "plan_resolution": (1e-6, 1e3),
+    "p_wall": (0.0, 1.0),
+    "p_space": (0.0, 1.0),
+    "p_outside": (0.0, 1.0),
+    "prior_scale": (1e-9, 1.0),
+    "p_hit": (0.0, 1.0),
+    "p_miss": (0.0, 1.0),
+    "resolution": (1e-4, 1e3),
+    "max_range": (1e-3, 1e6),
+}
+UNLIMITED = ("duration", "max_range")  # may be inf, too
 
 
 def effective(options: Mapping[str, Any]) -> Options:
     """The options with the defaults of all the others.
 
     Raises:
-        UsageError: there is no such option.
+        UsageError: there is no such option, or its number is out of range.
     """
-    for name in options:
+    for name, value in options.items():
         if name not in DEFAULTS:
             from difflib import get_close_matches
 
             close = get_close_matches(name, DEFAULTS, 1)
             hint = f"did you mean {close[0]}?" if close else ""
             raise UsageError("", f"there is no option {name}", hint=hint)
+        low, high = RANGES.get(name, (-inf, inf))
+        unlimited = value == inf and name in UNLIMITED
+        if name in RANGES and value is not None and not (low <= value <= high or unlimited):
+            flag = "--" + name.replace("_", "-")
+            raise UsageError("", f"{flag} {value:g} is not from {low:g} to {high:g}")
     return {**DEFAULTS, **options}  # type: ignore[typeddict-item]
 
 

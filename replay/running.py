@@ -75,9 +75,14 @@ def run(
     written = [out, *([Path(rrd)] if rrd else [])]
     for path in written:
         check_output(path, force=force, inputs=inputs)
+    if rrd and Path(rrd).resolve() == out.resolve():
+        raise UsageError(rrd, "the recording and the result are one file", hint="name another")
     scale, corner = chosen["plan_resolution"], chosen["plan_origin"]
     plan = open_plan(prior, notes, resolution=scale, origin=corner) if prior else None
     real = open_plan(truth, notes) if truth else None
+    inputs += [Path(path) for read in (plan, real) if read for path in read.inputs]
+    for path in written:  # a yaml beside the plan is an input, too
+        check_output(path, force=force, inputs=inputs)
     main = chosen["update"] if prior else "none"
     with ExitStack() as stack:
         log = open_log(sources, notes)

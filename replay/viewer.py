@@ -17,7 +17,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from formats.errors import FormatError, printable
+from formats.errors import FormatError, UsageError, printable
 from formats.grid import Geometry
 from formats.output import atomic
 from formats.result import Maps, Step
@@ -112,6 +112,7 @@ class Viewer:
 
     Raises:
         FormatError: on entering, where the output exists or cannot be written.
+        UsageError: `connect` is no address.
     """
 
     def __init__(
@@ -128,7 +129,6 @@ class Viewer:
         self._scene, self._say = scene, say
         self._path, self._force, self._inputs = path, force, tuple(inputs)
         self._view, self._connect = view, connect
-        self._stack = ExitStack()
         self._steps: list[Step] = []
         self._start_ns: int | None = None
         known = scene.world.layers.pixels > 0
@@ -141,16 +141,19 @@ class Viewer:
         self._rec = rr.RecordingStream("replay", recording_id=identity)
         self._rec.set_log_time_enabled(False)
         self._rec.set_log_tick_enabled(False)
-        sinks: list[Any] = []
-        if self._path is not None:
-            output = atomic(self._path, force=self._force, inputs=self._inputs)
-            sinks.append(rr.FileSink(str(self._stack.enter_context(output))))
         address = start_viewer() if self._view else self._connect
-        if address is not None:
-            sinks.append(rr.GrpcSink(address))
         self._live = address is not None
-        self._rec.set_sinks(*sinks, default_blueprint=blueprint(self._scene))
-        self._static()
+        try:
+            sinks: list[Any] = [rr.GrpcSink(address)] if self._live else []
+        except RuntimeError as error:
+            raise UsageError(str(address), str(error).splitlines()[0]) from error
+        with ExitStack() as stack:  # what fails from here on leaves no half file
+            if self._path is not None:
+                output = atomic(self._path, force=self._force, inputs=self._inputs)
+                sinks.append(rr.FileSink(str(stack.enter_context(output))))
+            self._rec.set_sinks(*sinks, default_blueprint=blueprint(self._scene))
+            self._static()
+            self._stack = stack.pop_all()
         return self
 
     def __exit__(

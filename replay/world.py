@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import ceil
 from pathlib import Path
 from typing import Any, Literal
 
@@ -117,11 +116,11 @@ def lattice(
                 hint="give --plan-pose X,Y,YAW or --plan-origin",
             )
         box = (min(x0, box[0]), min(y0, box[1]), max(x1, box[2]), max(y1, box[3]))
-    cells = ceil((box[2] - box[0]) / resolution) * ceil((box[3] - box[1]) / resolution)
-    if cells > MOST_CELLS:
+    cells = (box[2] - box[0]) / resolution * (box[3] - box[1]) / resolution
+    if not cells <= MOST_CELLS:
         raise FormatError(
             ground.path if ground is not None else "",
-            f"{cells:,} cells of {resolution:g} m are too many",
+            f"{cells:,.0f} cells of {resolution:g} m are too many",
             hint="give a coarser --resolution or a shorter --max-range",
         )
     return Geometry.covering(*box, resolution)

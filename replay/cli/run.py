@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -106,11 +107,11 @@ def command(logs: tuple[Path, ...], as_json: bool, quiet: bool, **options: Any) 
     from replay import run
     from replay.cli.progress import bar
 
-    notes = Notes()
+    notes, aside = Notes(), partial(click.echo, err=True)
     chosen = {name: value for name, value in options.items() if value is not None}
     try:
         with bar(quiet=quiet or as_json) as progress:
-            result = run(list(logs), notes=notes, progress=progress, **chosen)
+            result = run(list(logs), notes=notes, progress=progress, say=aside, **chosen)
     finally:
         say(notes)
     if as_json:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from typing import Any
 
 import click
@@ -12,6 +11,7 @@ from formats.errors import Notes
 from formats.frame import Pose
 
 SCHEMA = 1  # of every --json answer
+FARTHEST = 1e8  # m; beyond it, nothing on Earth has a place
 
 
 class PoseType(click.ParamType[Pose]):
@@ -27,7 +27,7 @@ class PoseType(click.ParamType[Pose]):
             numbers = [float(part) for part in str(value).split(",")]
         except ValueError:
             numbers = []
-        if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
+        if len(numbers) not in (2, 3) or not all(abs(number) < FARTHEST for number in numbers):
             self.fail(f"{value!r} is not X,Y or X,Y,YAW (metres, radians)", param, ctx)
         return Pose(*numbers, *[0.0] * (3 - len(numbers)))
 
