@@ -104,7 +104,7 @@ def mapped(rng: Rng, boxes: Floats, unit: float, scans: int, bend: float) -> tup
     rings, hits = [], []
     for _ in range(scans):
         far = cast(real, at[0], at[1], angles, FAR)
-        seen = np.minimum(far, FAR) + rng.normal(0, 0.02, len(far))
+        seen = np.minimum(far, FAR) + rng.normal(0, 0.03, len(far))
         ends = at + seen[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
         rings.append(ends)
         hits.append(ends[np.isfinite(far)])
@@ -134,7 +134,7 @@ def mapped(rng: Rng, boxes: Floats, unit: float, scans: int, bend: float) -> tup
 
 
 def _furniture(rng: Rng, wide: float, deep: float) -> Floats:
-    n = int(rng.uniform(0.02, 0.12) * wide * deep)
+    n = int(rng.uniform(0.02, 0.2) * wide * deep)
     low = rng.uniform([0.3, 0.3], [wide - 1, deep - 1], (n, 2))
     return np.hstack([low, low + rng.uniform(0.2, 0.9, (n, 2))])
 
@@ -159,8 +159,10 @@ def case(seed: int) -> Case:
     unit = max(wide, deep) / rng.uniform(350, 900)
     plan, border = drawn(rng, boxes, unit, kind == "clutter")
     scale = float(np.exp(rng.uniform(np.log(0.55), np.log(1.9))))
+    if kind != "stranger":
+        real = np.vstack([boxes[:4], boxes[4:][rng.random(len(boxes) - 4) > rng.uniform(0, 0.2)]])
     scans = int(rng.integers(2, 6)) if kind == "part" else int(rng.integers(6, 40))
-    bend = float(rng.uniform(0, 0.006) * max(wide, deep))
+    bend = float(rng.uniform(0, 0.013) * max(wide, deep))
     grey, metres = mapped(rng, real, scale * unit, scans, bend)
     matrix = metres / unit
     matrix[:, 2] += border / unit - 0.5

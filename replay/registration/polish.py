@@ -18,6 +18,7 @@ from replay.registration.seen import Doubles, Mask, Seen, points_of
 Floats = npt.NDArray[np.float32]
 MOST_POINTS = 2500
 MOST_WALL = 12000
+MARGIN = 64  # px around the plan's ink, where cells may still lie near a wall
 
 
 @dataclass(frozen=True)
@@ -170,8 +171,8 @@ class Bench:
         ink = points_of(walls)
         self.low = ink.min(axis=0)
         self.unit = max(1.0, float((ink.max(axis=0) - self.low).max() + 1) / side)
-        cells = np.floor((ink - self.low) / self.unit).astype(np.int64) + 4
-        cols, rows = cells.max(axis=0) + 5
+        cells = np.floor((ink - self.low) / self.unit).astype(np.int64) + MARGIN
+        cols, rows = cells.max(axis=0) + 1 + MARGIN
         small = np.zeros((rows, cols), np.bool_)
         small[cells[:, 1], cells[:, 0]] = True
         self.plan = field_of(small)
@@ -185,12 +186,12 @@ class Bench:
     def _in(self, matrix: Doubles) -> Doubles:
         """A matrix to plan pixels as one to this bench's pixels."""
         out = matrix / self.unit
-        out[:, 2] = (matrix[:, 2] - self.low + 0.5) / self.unit - 0.5 + 4
+        out[:, 2] = (matrix[:, 2] - self.low + 0.5) / self.unit - 0.5 + MARGIN
         return out
 
     def _out(self, matrix: Doubles) -> Doubles:
         out = matrix * self.unit
-        out[:, 2] = (matrix[:, 2] - 4 + 0.5) * self.unit - 0.5 + self.low
+        out[:, 2] = (matrix[:, 2] - MARGIN + 0.5) * self.unit - 0.5 + self.low
         return out
 
     def polish(self, matrix: Doubles, rounds: tuple[float, ...]) -> Doubles:

@@ -24,6 +24,7 @@ STEP = 2.0  # degrees between turns
 ALIKE = 0.35  # of the way from the worst to the best turn by directions: below, it is not tried
 PEAKS = 3  # places of one turn and scale
 APART = 6  # px between them
+BORDER = 4  # px around the plan's ink
 
 
 @dataclass(frozen=True)
@@ -95,8 +96,8 @@ def _thinned(points: Doubles, unit: float) -> Doubles:
 
 def _softened(ink: Doubles, unit: float) -> Floats:
     """Ink at a lower resolution, 1 on it and falling off around it."""
-    cells = np.floor(ink / unit).astype(np.int64) + 2
-    cols, rows = cells.max(axis=0) + 3
+    cells = np.floor(ink / unit).astype(np.int64) + BORDER
+    cols, rows = cells.max(axis=0) + 1 + BORDER
     empty = np.ones((rows, cols), np.uint8)
     empty[cells[:, 1], cells[:, 0]] = 0
     far = cv2.distanceTransform(empty, cv2.DIST_L2, cv2.DIST_MASK_5)
@@ -109,7 +110,7 @@ class Level:
     """Map and plan at the resolution that suits one scale.
 
     Attributes:
-        field: the softened ink, with a border of 2 px.
+        field: the softened ink, with a border.
         occupied, free: (n, 2) cells of the map, thinned.
         scale: plan pixels a map cell.
         unit: plan pixels a pixel of the field.
@@ -145,7 +146,7 @@ def _places(level: Level, turns: list[float], mirrored: bool) -> list[Candidate]
         sums = scipy.fft.irfft2(spectrum * plan, shape)
         sums = sums[: field.shape[0], : field.shape[1]]
         for row, col, score in _peaks(sums):
-            place = (np.array([col, row]) - 2 + 0.5) * unit + low
+            place = (np.array([col, row]) - BORDER + 0.5) * unit + low
             full = matrix_of(scale, turn, mirrored)
             full[:, 2] = place - full[:, :2] @ middle
             out.append(Candidate(full, score, scale))
