@@ -211,9 +211,8 @@ def entries(data: Buffer, messages: array[int]) -> Entries:
     found = np.empty(len(messages), dtype=ENTRY)
     if not len(messages):
         return found
-    windows = np.lib.stride_tricks.sliding_window_view(
-        np.frombuffer(data, dtype=np.uint8), RAW.itemsize
-    )
+    # The bytes of a record from each place on.
+    windows = np.ndarray((len(data) - RAW.itemsize + 1, RAW.itemsize), np.uint8, data, 0, (1, 1))
     offsets = np.frombuffer(messages, dtype="u8")
     for begin in range(0, len(found), PIECE):
         part, piece = found[begin : begin + PIECE], offsets[begin : begin + PIECE]

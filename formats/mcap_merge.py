@@ -78,9 +78,10 @@ def _messages(found: Entries, data: memoryview, topics: dict[int, Topic]) -> Ite
     for begin in range(0, len(found), PIECE):
         piece = found[begin : begin + PIECE]
         starts = piece["start"]
-        fields = (piece["channel"], piece["time"], starts, starts + piece["size"])
-        for channel, time, start, stop in zip(*(f.tolist() for f in fields), strict=True):
-            yield new(Message, (topics[channel], time, data[start:stop]))
+        named = map(topics.__getitem__, piece["channel"].tolist())
+        fields = (field.tolist() for field in (piece["time"], starts, starts + piece["size"]))
+        for topic, time, start, stop in zip(named, *fields, strict=True):
+            yield new(Message, (topic, time, data[start:stop]))
 
 
 class _Waiting:

@@ -86,7 +86,7 @@ def swept(
     bearings, widths, falling = beams(
         reading.angle_min, reading.angle_increment, len(ranges), upright < 0
     )
-    if falling or ranges.dtype != FLOAT32:
+    if falling or ranges.dtype is not FLOAT32:
         ranges = np.array(ranges[::-1] if falling else ranges, dtype=FLOAT32)
     scan = Scan(bearings, widths, ranges, near, far)
     if -LEVEL < upright < LEVEL:
