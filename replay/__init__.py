@@ -6,8 +6,13 @@ from importlib import import_module
 from typing import Any
 
 # public name -> the module that has it; loaded when it is first asked for
-PUBLIC = {"run": "replay.running", "steps": "replay.pipeline", "export": "replay.exporting"}
-__all__ = ["export", "run", "steps"]
+PUBLIC = {
+    "run": "replay.running",
+    "steps": "replay.pipeline",
+    "export": "replay.exporting",
+    "plan": "replay.planning",
+}
+__all__ = ["export", "plan", "run", "steps"]
 
 
 def __getattr__(name: str) -> Any:

@@ -16,6 +16,7 @@ from formats.errors import FormatError
 VERBS = {
     "run": "Map a log over the prior of a plan, and score the map.",
     "info": "Say what a log holds, and whether it can be used.",
+    "plan": "Find walls, doors and outline in a drawing.",
     "export": "Write maps, poses and scores of a result in the formats of others.",
 }
 

@@ -1,0 +1,219 @@
+"""What `replay plan` does: a drawing taken apart, shown, written for others, and scored."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from formats.annotations import read_truth
+from formats.errors import Notes
+from formats.errors import Path as AnyPath
+from formats.grid import Geometry, Grid, logit
+from formats.map_file import write_map
+from formats.output import check_output, write_image, write_text
+from formats.plan_file import Plan, open_plan
+from replay.drawing import Drawing, Method, extract
+from replay.plan_scores import score
+
+Pixels = npt.NDArray[np.uint8]
+DOOR = 0.85  # m, the middle of the door widths that are built, 0.7 to 1.0
+SPREAD = 0.15  # m, to either side of it
+# Red, green, blue, told apart with any colour vision: what each layer is shown in.
+COLOURS = {
+    "walls": (0, 0, 0),
+    "doors": (0, 114, 178),
+    "windows": (86, 180, 233),
+    "outline": (235, 244, 250),
+    "removed": (230, 159, 0),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """A plan file taken apart.
+
+    Attributes:
+        plan: as opened.
+        drawing: walls, doors, outline and removed ink.
+        resolution: m a pixel; None where neither the file nor a door tells.
+        how: where the resolution comes from.
+        seconds: that the extraction took.
+    """
+
+    plan: Plan
+    drawing: Drawing
+    resolution: float | None
+    how: str
+    seconds: float
+
+
+def read_drawing(plan: Plan, method: Method = "structural") -> Reading:
+    """Take a plan apart; where its scale is not known, its doors estimate it."""
+    start = perf_counter()
+    drawing = extract(plan.grey, resolution=plan.resolution, method=method)
+    seconds = perf_counter() - start
+    if plan.resolution is not None:
+        return Reading(plan, drawing, plan.resolution, "given", seconds)
+    if drawing.door_width > 0:
+        how = f"from door widths, +-{SPREAD / DOOR:.0%}"
+        return Reading(plan, drawing, DOOR / drawing.door_width, how, seconds)
+    return Reading(plan, drawing, None, "not known: no door tells it", seconds)
+
+
+def overlay(reading: Reading) -> Pixels:
+    """The drawing with what was found: (H, W, 3) BGR; removed ink orange, doors with triangles."""
+    import cv2
+
+    drawing = reading.drawing
+    out = np.full((*drawing.walls.shape, 3), 255, dtype=np.uint8)
+    out[drawing.outline] = COLOURS["outline"]
+    for name, mask in drawing.layers.items():
+        out[mask] = COLOURS.get(name, COLOURS["removed"])
+    out[drawing.walls] = COLOURS["walls"]
+    for door in drawing.doors:
+        thick = max(1, round(door.width / 20))
+        corners = [np.rint(door.triangle()).astype(np.int32)]
+        cv2.polylines(out, corners, True, (213, 94, 0), thick, cv2.LINE_AA)
+    return np.ascontiguousarray(out[..., ::-1])
+
+
+def geojson(reading: Reading) -> str:
+    """Walls and doors as polygons, in metres of the plan's frame where the scale is known.
+
+    Without a scale coordinates are pixels, y down, and `units` says so.
+    """
+    import cv2
+
+    drawing, scale = reading.drawing, reading.resolution
+    rows = drawing.walls.shape[0]
+    corner = reading.plan.corner
+
+    def place(points: npt.NDArray[Any]) -> list[list[float]]:
+        ring = np.asarray(points, dtype=np.float64).reshape(-1, 2)
+        if scale is not None:
+            # Pixel centres are at whole numbers; the picture's lower left corner is `corner`.
+            x = corner[0] + (ring[:, 0] + 0.5) * scale
+            y = corner[1] + (rows - 0.5 - ring[:, 1]) * scale
+            ring = np.column_stack((x, y))
+        return [[round(a, 4), round(b, 4)] for a, b in [*ring.tolist(), ring[0].tolist()]]
+
+    def feature(kind: str, rings: list[list[list[float]]], **facts: Any) -> dict[str, Any]:
+        shape = {"type": "Polygon", "coordinates": rings}
+        return {"type": "Feature", "properties": {"kind": kind, **facts}, "geometry": shape}
+
+    features = []
+    contours, family = cv2.findContours(
+        drawing.walls.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE
+    )
+    for i, contour in enumerate(contours):
+        if family[0][i][3] >= 0 or len(contour) < 3:  # a hole belongs to its wall
+            continue
+        holes, at = [], int(family[0][i][2])
+        while at >= 0:
+            holes.append(contours[at])
+            at = int(family[0][at][0])
+        rings = [place(ring) for ring in (contour, *holes) if len(ring) >= 3]
+        features.append(feature("wall", rings))
+    for door in drawing.doors:
+        width = door.width * scale if scale is not None else door.width
+        facts = {"type": door.kind, "width": round(width, 4), "confidence": door.confidence}
+        features.append(feature("door", [place(door.sector())], **facts))
+    units = "m" if scale is not None else "px"
+    return json.dumps({"type": "FeatureCollection", "units": units, "features": features})
+
+
+def wall_grid(reading: Reading, resolution: float) -> tuple[Grid, npt.NDArray[np.bool_]]:
+    """Walls as a map, one cell a pixel, and the cells that are known: the footprint."""
+    rows, cols = reading.drawing.walls.shape
+    walls = reading.drawing.walls[::-1]
+    values = np.where(walls, logit(0.01), logit(0.99))
+    grid = Grid(Geometry(rows, cols, resolution, *reading.plan.corner), values)
+    return grid, reading.drawing.outline[::-1] | walls
+
+
+def plan(
+    path: AnyPath,
+    *,
+    method: Method = "structural",
+    truth: AnyPath | None = None,
+    output: AnyPath | None = None,
+    plan_resolution: float | None = None,
+    force: bool = False,
+    notes: Notes | None = None,
+) -> dict[str, Any]:
+    """Walls, doors and outline of a drawing: pictures, map, GeoJSON and, with a truth, scores.
+
+    Args:
+        path: the drawing.
+        method: "structural" or "georgiou".
+        truth: CVC-FP's SVG, mlstructfp's JSON, or a mask.
+        output: stem of the files' names; None: the drawing's, in the current folder.
+        plan_resolution: m a pixel.
+        force: replace files that exist.
+        notes: gets what was odd.
+
+    Returns:
+        what `replay plan --json` prints.
+
+    Raises:
+        FormatError: the drawing or the truth cannot be read, or a file cannot be written.
+    """
+    notes = Notes() if notes is None else notes
+    inputs = [path, *([truth] if truth else [])]
+    stem = Path(output) if output else Path(Path(path).stem)
+    if stem.is_dir():
+        stem = stem / Path(path).stem
+    names = {kind: Path(f"{stem}_{kind}") for kind in ("overlay.png", "plan.geojson", "walls.pgm")}
+    for name in names.values():
+        check_output(name, force=force, inputs=inputs)
+    opened = open_plan(path, notes, resolution=plan_resolution)
+    reading = read_drawing(opened, method)
+    drawing = reading.drawing
+    facts: dict[str, Any] = {
+        "plan": str(path),
+        "method": method,
+        "wall_pixels": int(drawing.walls.sum()),
+        "doors_count": len(drawing.doors),
+        "resolution": reading.resolution,
+        "resolution_from": reading.how,
+        "seconds": round(reading.seconds, 3),
+    }
+    if truth is not None:
+        shape = (drawing.walls.shape[0], drawing.walls.shape[1])
+        facts |= score(drawing, read_truth(truth, shape, path))
+    write_image(names["overlay.png"], overlay(reading), force=force, inputs=inputs)
+    write_text(names["plan.geojson"], geojson(reading), force=force, inputs=inputs)
+    written = [names["overlay.png"], names["plan.geojson"]]
+    if reading.resolution is not None:
+        grid, known = wall_grid(reading, reading.resolution)
+        written += write_map(
+            f"{stem}_walls", grid, known, frame=opened.frame, force=force, inputs=inputs
+        )
+    return {**facts, "written": [str(name) for name in written]}
+
+
+LINES: dict[str, Callable[[dict[str, Any]], str]] = {
+    "plan": lambda f: f"{Path(f['plan']).name}: {f['doors_count']} doors, by {f['method']}",
+    "scale": lambda f: (
+        f"{f['resolution']:.4f} m/px ({f['resolution_from']})"
+        if f["resolution"] is not None
+        else f["resolution_from"]
+    ),
+}
+
+
+def report(facts: dict[str, Any]) -> str:
+    """The same for a person."""
+    lines = [f"{word:<8}{line(facts)}" for word, line in LINES.items()]
+    for part in ("walls", "doors", "doors_hinge"):
+        if part in facts:
+            values = "   ".join(f"{name} {value:.3f}" for name, value in facts[part].items())
+            lines.append(f"{part:<12}{values}")
+    return "\n".join([*lines, *(f"wrote   {name}" for name in facts["written"])])
