@@ -1,0 +1,368 @@
+"""A map finds its place on a plan, and says when it cannot."""
+
+from __future__ import annotations
+
+import json
+from math import cos, radians, sin
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import pytest
+from click.testing import CliRunner
+
+from formats.errors import FormatError, Notes, UsageError
+from formats.frame import Pose
+from formats.grid import Evidence, Geometry
+from formats.placement import Placement, read_placement
+from formats.plan_file import open_plan
+from replay.cli.align import command
+from replay.registration.placing import metres_of, pinned, placed, posed
+from replay.registration.register import Alignment, align
+from replay.registration.search import matrix_of
+from replay.registration.seen import Seen, seen_in_log, seen_in_map
+from tests.pictures import pgm, png
+
+Array = npt.NDArray[np.float64]
+FLAT = """
+##########################
+#.....#........#.........#
+#.....#........#.........#
+#..............#.........#
+#.....#..................#
+#.....#........#.........#
+###.########.#############
+#......................###
+#......................###
+#..###.#####.####.########
+#..#.......#.............#
+#..#.......#.............#
+#..#.......#.....#########
+#..#.............#.......#
+####.......#.............#
+...#.......#.....#.......#
+...#######################
+"""
+OTHER = """
+################....
+#..#...........#....
+#..#...........#####
+#..............#...#
+#..#...............#
+#..######.######...#
+#..#........#..#...#
+#...........#......#
+####..#############.
+...#..#.............
+...#..############..
+...#.............#..
+...####..#####...#..
+......#..#...#...#..
+......#..#####...#..
+......#..........#..
+......############..
+"""
+ROOMS = """
+##########.##########
+#........#.#........#
+#........#.#........#
+#..........#.........
+#........#.#........#
+##########.##########
+.....................
+##########.##########
+#........#.#........#
+#........#.#........#
+#..........#.........
+#........#.#........#
+##########.##########
+"""
+ROOM = (46 / 416, 46 / 288, 204 / 416, 140 / 288)  # the first of them, of the whole picture
+SIDE = 16  # px a character
+BORDER = 40  # px of paper around
+
+
+def plan_of(text: str) -> npt.NDArray[np.bool_]:
+    """Walls of 4 px through the middles of the characters."""
+    cells = np.array([[c == "#" for c in row] for row in text.split()])
+    rows, cols = cells.shape
+    wall = np.zeros((rows * SIDE, cols * SIDE), np.uint8)
+    for r, c in zip(*np.nonzero(cells), strict=True):
+        middle = (c * SIDE + SIDE // 2, r * SIDE + SIDE // 2)
+        cv2.rectangle(wall, np.subtract(middle, 2).tolist(), np.add(middle, 1).tolist(), 1, -1)
+        for dr, dc in ((0, 1), (1, 0)):
+            if r + dr < rows and c + dc < cols and cells[r + dr, c + dc]:
+                to = (middle[0] + dc * SIDE, middle[1] + dr * SIDE)
+                cv2.rectangle(wall, np.subtract(middle, 2).tolist(), np.add(to, 1).tolist(), 1, -1)
+    return np.pad(wall, BORDER) > 0
+
+
+def map_of(walls: npt.NDArray[np.bool_], matrix: Array, size: tuple[int, int], part: Array) -> Seen:
+    """What a robot would have drawn of a part (x0, y0, x1, y1 of the plan): OpenCV's warp.
+
+    `matrix` leads from the map's pixels to the plan's, as WARP_INVERSE_MAP wants it.
+    """
+    known = np.zeros(walls.shape, np.uint8)
+    x0, y0, x1, y1 = part.astype(int)
+    known[y0:y1, x0:x1] = 1
+    flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
+    wall = cv2.warpAffine(walls.astype(np.uint8), matrix, size, flags=flags) > 0
+    seen = cv2.warpAffine(known, matrix, size, flags=flags) > 0
+    return Seen(wall & seen, seen & ~wall)
+
+
+def case(
+    text: str, scale: float, turn: float, mirrored: bool, part: tuple[float, ...]
+) -> tuple[npt.NDArray[np.bool_], Seen, Array]:
+    """A plan, a map of a part of it, and the matrix."""
+    walls = plan_of(text)
+    high, wide = walls.shape
+    box = np.array(part) * [wide, high, wide, high]
+    matrix = matrix_of(scale, turn, mirrored)
+    corners = box[[[0, 1], [2, 1], [2, 3], [0, 3]]] @ np.linalg.inv(matrix[:, :2]).T
+    low = corners.min(axis=0) - 15
+    matrix[:, 2] = matrix[:, :2] @ low
+    size = np.ceil(corners.max(axis=0) - low + 15).astype(int)
+    return walls, map_of(walls, matrix, (int(size[0]), int(size[1])), box), matrix
+
+
+def off(found: Array, true: Array, seen: Seen) -> float:
+    """The largest distance in plan px between what two matrices make of the map's corners."""
+    h, w = seen.free.shape
+    corners = np.array([[0, 0, 1], [w, 0, 1], [0, h, 1], [w, h, 1]], dtype=float)
+    return float(np.hypot(*(corners @ (found - true).T).T).max())
+
+
+def test_the_matrix_of_a_similarity() -> None:
+    # 90 degrees clockwise on the screen: x to the right becomes y down
+    assert matrix_of(2.0, 90.0, False, 5, 7) == pytest.approx(np.array([[0, -2, 5], [2, 0, 7]]))
+    assert matrix_of(1.0, 0.0, True) == pytest.approx(np.array([[1, 0, 0], [0, -1, 0]]))
+
+
+@pytest.mark.parametrize(
+    ("scale", "turn", "mirrored", "part"),
+    [
+        (1.0, 0.0, False, (0, 0, 1, 1)),
+        (0.8, 37.0, False, (0, 0, 1, 1)),
+        (1.3, 200.0, False, (0, 0, 0.7, 1)),
+        (1.7, -95.0, False, (0.05, 0.1, 1, 0.8)),
+        (0.9, 120.0, True, (0, 0, 1, 1)),
+    ],
+)
+def test_a_map_finds_its_place(
+    scale: float, turn: float, mirrored: bool, part: tuple[float, ...]
+) -> None:
+    walls, seen, true = case(FLAT, scale, turn, mirrored, part)
+    found = align(seen, walls)
+    assert found.confident
+    assert found.best.mirrored is mirrored
+    assert off(found.best.matrix, true, seen) < 3.0
+    assert found.best.scale == pytest.approx(scale, rel=0.01)
+    assert abs((found.best.turn_deg - turn + 180) % 360 - 180) < 0.5
+
+
+def test_a_known_scale_holds() -> None:
+    walls, seen, true = case(FLAT, 0.8, 37.0, False, (0, 0, 0.6, 0.7))
+    found = align(seen, walls, scale=0.8)
+    assert off(found.best.matrix, true, seen) < 3.0
+    assert all(0.8 / 1.08 < place.scale < 0.8 * 1.08 for place in found.places)
+
+
+def test_the_same_input_gives_the_same_bits() -> None:
+    walls, seen, _ = case(FLAT, 1.1, 10.0, False, (0, 0, 0.6, 0.7))
+    first, again = align(seen, walls), align(seen, walls)
+    assert first.facts() | {"seconds": 0} == again.facts() | {"seconds": 0}
+
+
+def test_four_equal_rooms_are_refused_and_all_four_are_named() -> None:
+    walls, seen, true = case(ROOMS, 1.0, 30.0, False, ROOM)
+    found = align(seen, walls, scale=1.0)
+    assert not found.confident
+    step = 11 * SIDE, 7 * SIDE
+    offsets = {
+        min(((abs(place.matrix[:, 2] - true[:, 2] - (i * step[0], j * step[1])).max(), (i, j)))
+            for i in (0, 1) for j in (0, 1))
+        for place in found.places
+        if place.score > found.best.score - 0.02
+    }  # fmt: skip
+    assert {name for far, name in offsets if far < 3.0} == {(0, 0), (0, 1), (1, 0), (1, 1)}
+
+
+def test_a_map_of_another_building_is_refused() -> None:
+    _, seen, _ = case(OTHER, 1.0, 25.0, False, (0, 0, 1, 1))
+    assert not align(seen, plan_of(FLAT)).confident
+    assert not align(seen, plan_of(FLAT), scale=1.0).confident
+
+
+def test_a_map_that_shows_next_to_nothing_is_refused(tmp_path: Path) -> None:
+    grey = np.full((40, 40), 255, np.uint8)
+    grey[3, 3:9] = 0
+    (tmp_path / "m.png").write_bytes(png(grey))
+    with pytest.raises(FormatError, match="too few occupied"):
+        seen_in_map(open_plan(tmp_path / "m.png", Notes()))
+
+
+def test_a_log_is_seen_from_above_with_y_up() -> None:
+    evidence = Evidence.empty(Geometry(40, 60, 0.05, -1.0, 2.0), 2)
+    evidence.counts[0, 5:15, 10:20] = 3  # hits: 10 x 10 cells from x -0.5, y 2.25
+    evidence.counts[1, 15:20, 10:20] = 1  # misses above them
+    seen = seen_in_log(evidence, "a.bag")
+    assert seen.occupied.shape == (15, 10)
+    assert seen.free[:5].all()
+    assert seen.occupied[5:].all()
+    # the centre of the upper left cell: x -0.5 + 0.025, y 2.0 + 20 * 0.05 - 0.025
+    assert seen.to_cells @ [-0.475, 2.975, 1.0] == pytest.approx([0.0, 0.0])
+    assert seen.to_cells @ [-0.475, 2.275, 1.0] == pytest.approx([0.0, 14.0])
+
+
+def test_pins_by_hand() -> None:
+    # plan = 2 * map turned 90 degrees clockwise + (5, 7)
+    pins = [(5.0, 7.0, 0.0, 0.0), (5.0, 27.0, 10.0, 0.0)]
+    assert pinned(pins, metres=False) == pytest.approx(np.array([[0, -2, 5], [2, 0, 7]]))
+    # a log's y counts upwards: plan = (20 x + 10, 89 - 20 y)
+    pins = [(10.0, 89.0, 0.0, 0.0), (30.0, 69.0, 1.0, 1.0), (10.0, 69.0, 0.0, 1.0)]
+    assert pinned(pins, metres=True) == pytest.approx(np.array([[20, 0, 10], [0, -20, 89]]))
+
+
+def test_three_pins_tell_a_mirror() -> None:
+    pins = [(10.0, 10.0, 0.0, 0.0), (9.0, 10.0, 1.0, 0.0), (10.0, 11.0, 0.0, 1.0)]
+    assert pinned(pins, metres=False) == pytest.approx(np.array([[-1, 0, 10], [0, 1, 10]]))
+
+
+@pytest.mark.parametrize(
+    "pins", [[], [(0.0, 0.0, 1.0, 1.0)], [(0.0, 0.0, 1.0, 1.0), (5.0, 5.0, 1.0, 1.0)]]
+)
+def test_too_few_pins(pins: list[tuple[float, float, float, float]]) -> None:
+    with pytest.raises(UsageError):
+        pinned(pins, metres=False)
+
+
+def yaml_of(path: Path, origin: str) -> None:
+    path.with_suffix(".yaml").write_text(
+        f"image: {path.name}\nresolution: 0.1\norigin: {origin}\nnegate: 0\n"
+        "occupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    )
+
+
+def test_metres_of_a_map_by_hand(tmp_path: Path) -> None:
+    path = tmp_path / "m.pgm"
+    grey = np.full((20, 30), 254, np.uint8)
+    grey[0] = 0
+    path.write_bytes(pgm(grey))
+    yaml_of(path, "[1.0, 2.0, 0.0]")
+    matrix = metres_of(open_plan(path, Notes()))
+    assert matrix is not None
+    # the lower left pixel's centre is (1.05, 2.05) m
+    assert matrix @ [1.05, 2.05, 1.0] == pytest.approx([0.0, 19.0])
+    assert matrix @ [3.95, 3.95, 1.0] == pytest.approx([29.0, 0.0])
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.7])
+def test_a_plan_pose_and_its_placement_agree(tmp_path: Path, yaw: float) -> None:
+    path = tmp_path / "p.pgm"
+    grey = np.full((20, 30), 254, np.uint8)
+    grey[0] = 0
+    path.write_bytes(pgm(grey))
+    yaml_of(path, f"[1.0, 2.0, {yaw}]")
+    plan = open_plan(path, Notes())
+    pose = Pose(0.5, -0.25, radians(30.0))
+    put = placed(plan, Placement(posed(plan, pose), "metres"))
+    assert put.resolution == pytest.approx(0.1)
+    assert put.origin == pytest.approx(pose @ plan.origin)
+
+
+def test_a_mirrored_plan_is_turned_over_when_placed(tmp_path: Path) -> None:
+    path = tmp_path / "p.png"
+    grey = np.full((20, 30), 255, np.uint8)
+    grey[:, 2] = 0
+    path.write_bytes(png(grey))
+    # pixel = (29 - 10 X, 19 - 10 Y): flipped, x grows with X, and the column 2 is column 27
+    matrix = np.array([[-10.0, 0.0, 29.0], [0.0, -10.0, 19.0]])
+    put = placed(open_plan(path, Notes()), Placement(matrix, "metres"))
+    assert put.wall[:, 27].all()
+    assert put.wall.sum() == 20
+    # the lower left corner of the flipped picture is pixel (29.5, 19.5): X -0.05, Y -0.05
+    assert put.origin == pytest.approx(Pose(-0.05, -0.05, 0.0))
+
+
+def files(folder: Path, walls: npt.NDArray[np.bool_], seen: Seen) -> tuple[str, str]:
+    """A plan and a map as pictures."""
+    grey = np.where(seen.occupied, 0, np.where(seen.free, 254, 205)).astype(np.uint8)
+    (folder / "map.pgm").write_bytes(pgm(grey))
+    (folder / "plan.png").write_bytes(png(np.where(walls, 0, 255).astype(np.uint8)))
+    return str(folder / "map.pgm"), str(folder / "plan.png")
+
+
+def run(*arguments: str) -> tuple[Any, str, str]:
+    runner = CliRunner()
+    result = runner.invoke(command, list(arguments), standalone_mode=False)
+    if result.exception and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result.return_value, result.stdout, result.stderr
+
+
+def test_the_verb_says_writes_and_draws(tmp_path: Path) -> None:
+    walls, seen, true = case(FLAT, 0.8, 37.0, False, (0, 0, 1, 1))
+    map_file, plan_file = files(tmp_path, walls, seen)
+    output = tmp_path / "out.json"
+    code, stdout, _ = run(map_file, "--prior", plan_file, "--json", "-o", str(output))
+    assert code == 0
+    said = json.loads(stdout)
+    names = "confident mirrored scale turn_deg x y matrix runners_up seconds"
+    assert set(names.split()) <= set(said)
+    assert said["confident"] is True
+    assert said["mirrored"] is False
+    matrix = np.array(said["matrix"])
+    assert off(matrix, true, seen) < 3.0
+    assert [said["x"], said["y"]] == matrix[:, 2].tolist()
+    turn = radians(said["turn_deg"])
+    assert matrix[:, 0] == pytest.approx([said["scale"] * cos(turn), said["scale"] * sin(turn)])
+    assert np.array_equal(read_placement(output).matrix, matrix)
+    picture = cv2.imread(str(tmp_path / "out.png"))
+    assert picture is not None
+    assert picture.shape[:2] == walls.shape
+    red = (picture == (0, 0, 213)).all(axis=2)
+    near = np.asarray(cv2.dilate(walls.astype(np.uint8), np.ones((9, 9), np.uint8))) > 0
+    assert (red & near).sum() > 2000
+    assert not (red & ~near).any()
+
+
+def test_the_verb_refuses_with_a_picture_and_no_placement(tmp_path: Path) -> None:
+    walls, seen, _ = case(ROOMS, 1.0, 30.0, False, ROOM)
+    map_file, plan_file = files(tmp_path, walls, seen)
+    output = tmp_path / "out.json"
+    code, stdout, stderr = run(map_file, "--prior", plan_file, "--json", "-o", str(output))
+    assert code == 1
+    assert json.loads(stdout)["confident"] is False
+    assert "no place on the plan is clearly the best" in stderr
+    assert not output.exists()
+    assert (tmp_path / "out.png").exists()
+
+
+def test_pins_settle_what_is_ambiguous(tmp_path: Path) -> None:
+    walls, seen, true = case(ROOMS, 1.0, 30.0, False, ROOM)
+    map_file, plan_file = files(tmp_path, walls, seen)
+    pins = []
+    for x, y in ((20.0, 30.0), (150.0, 90.0)):
+        u, v = true @ [x, y, 1.0]
+        pins += ["--pin", f"{u:.4f},{v:.4f}={x},{y}"]
+    code, stdout, _ = run(map_file, "--prior", plan_file, "--json", *pins)
+    assert code == 0
+    assert off(np.array(json.loads(stdout)["matrix"]), true, seen) < 0.01
+
+
+@pytest.mark.parametrize("pin", ["1,2", "1,2=3", "1,2=3,x", "1,2,3=4", "1,2=3,nan"])
+def test_a_pin_has_a_form(tmp_path: Path, pin: str) -> None:
+    result = CliRunner().invoke(command, ["m.png", "--prior", "p.png", "--pin", pin])
+    assert result.exit_code == 2
+    assert "PLANX,PLANY=MAPX,MAPY" in result.stderr
+
+
+def test_confidence_is_of_all_places_and_none() -> None:
+    walls, seen, _ = case(FLAT, 1.1, 10.0, False, (0, 0, 0.6, 0.7))
+    found = align(seen, walls)
+    assert isinstance(found, Alignment)
+    assert sum(place.weight for place in found.places) <= 1.0 + 1e-12
+    assert found.places == sorted(found.places, key=lambda place: -place.weight)
