@@ -11,10 +11,10 @@ from formats.choice import Choice
 from formats.clock import Times
 from formats.errors import Notes
 from formats.frame import Frame, Pose
-from formats.gathering import decoder_of
 from formats.log import Log
 from formats.ros import Undecodable
-from formats.sensing import SENSORS, Motion
+from formats.scanning import scanner
+from formats.sensing import Motion
 from formats.track import Floats
 from formats.way import BLOCK, Rows, Swept, Way
 
@@ -65,8 +65,7 @@ class Drive:
     def frames(self) -> Iterator[Frame]:
         """The scans with their poses, in the order of time; may be called again."""
         topic = self.choice.scan
-        read, sensor = decoder_of(topic), SENSORS[topic.type]
-        assert read is not None
+        scan_of = scanner(topic)
         rank = np.full(self.total, -1, dtype=np.int64)
         rank[self.rows] = np.arange(len(self))
         waiting: dict[int, Frame | None] = {}
@@ -77,7 +76,7 @@ class Drive:
                 continue
             matrix, motion = self._placed(k)
             try:
-                scan = sensor.scan(read(data), matrix, motion)
+                scan = scan_of(data, matrix, motion)
             except Undecodable:  # counted in the first pass
                 waiting[k] = None
             else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
+from functools import partial
 
 from formats.errors import printable
 from formats.log import Topic
@@ -212,9 +213,20 @@ def decoder(topic: Topic) -> Callable[[Payload], Noun]:
     learn = LEARNERS.get(topic.type)
     if learn is None or translate is not None:
         return decode_any
-    return repeating(
-        learn, decode_any, lambda data: ROS1 if decode_any is read_ros1 else CDR[data[1]]
-    )
+    return repeating(learn, decode_any, partial(wire_of, topic))
+
+
+def wire_of(topic: Topic, data: Payload) -> Wire:
+    """The encoding of a payload that can be read."""
+    return ROS1 if topic.encoding == "ros1" else CDR[data[1]]
+
+
+def is_usual(topic: Topic) -> bool:
+    """Whether a topic's payloads are what their type says, and not what a definition of its own."""
+    try:
+        return topic.encoding in ("ros1", "cdr") and translator(topic) is None
+    except Undecodable:
+        return False
 
 
 def cut_short(data: Payload) -> Undecodable:

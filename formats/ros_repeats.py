@@ -81,17 +81,31 @@ class Layout:
         return Struct(f"{self.items}{len(self.body.data) - self.at}x").unpack
 
 
-def laser_scans(wire: Wire, data: Payload, noun: LaserScan, other: Read) -> Read:
-    """sensor_msgs/LaserScan; its times vary as well, since some drivers measure them."""
+def scan_layout(wire: Wire, data: Payload, size: int) -> Callable[[Payload], tuple[Any, ...]]:
+    """What unpacks LaserScans: bytes, sec, nanosec, bytes, time_increment, bytes, ranges, bytes.
+
+    The times vary, since some drivers measure them; the bytes shape a scan.
+
+    Args:
+        wire: the encoding.
+        data: a payload that can be read.
+        size: bytes of its ranges.
+    """
     found = Layout(wire, data)
     found.header()
     found.body.read("3f")
     found.add(found.body.at, "f4x")
     found.body.read("5f")
-    at, size = found.body.at, noun.ranges.nbytes
+    at = found.body.at
     found.add(at, f"{size}s")
-    found.add(at + size + 4, "")
-    unpack, f4 = found.unpack, np.dtype(wire.order + "f4")
+    found.add(at + size + 4, "")  # up to the number of intensities
+    return found.unpack
+
+
+def laser_scans(wire: Wire, data: Payload, noun: LaserScan, other: Read) -> Read:
+    """sensor_msgs/LaserScan."""
+    unpack = scan_layout(wire, data, noun.ranges.nbytes)
+    f4 = np.dtype(wire.order + "f4")
     start, _, _, shape, _, limits, _, bright = unpack(data)
     _, frame, angle, step, _, near, far, _ = noun
 

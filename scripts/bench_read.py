@@ -26,7 +26,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from formats import mcap_log, ros
 from formats.errors import Notes
-from formats.sensing import SENSORS
+from formats.scanning import scanner
 
 BEAMS = 1081
 TYPE = "sensor_msgs/msg/LaserScan"
@@ -106,12 +106,11 @@ def our_nouns(path: Path) -> None:
 
 
 def our_scans(path: Path) -> None:
-    """Ours: messages decoded and made Scans of a level sensor."""
+    """Ours: messages made Scans of a level sensor, as the frame stream does it."""
     log = mcap_log.open_file(path, Notes())
-    topic = log.topics()[0]
-    decode, scan = ros.decoder(topic), SENSORS[topic.type].scan
+    scan = scanner(log.topics()[0])
     for _, _, data in log.messages():
-        scan(decode(data), LEVEL, None)
+        scan(data, LEVEL, None)
     log.close()
 
 
