@@ -5,105 +5,34 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-
-import numpy as np
-import numpy.typing as npt
 
 from formats.errors import FormatError, Notes, UsageError
 from formats.errors import Path as AnyPath
 from formats.frame import Pose
+from formats.grid_in_log import plan_of_log, topic_in
 from formats.ink import Picture, drawn, paper_grey
 from formats.map_file import cells_of
+from formats.map_text import is_map_text, open_map_text, text_inside, values_of
 from formats.map_yaml import MapYaml, read_map_yaml
+from formats.plan import Cells, Extent, Mask, Plan, overlap
 from formats.raster import Grey, is_picture, read_raster
 
-Cells = npt.NDArray[np.int8]
-Mask = npt.NDArray[np.bool_]
-Extent = tuple[float, float, float, float]
+__all__ = [
+    "OPENERS",
+    "SUFFIXES",
+    "YAML_SUFFIXES",
+    "Cells",
+    "Extent",
+    "Mask",
+    "Plan",
+    "open_plan",
+    "overlap",
+]
+
 LARGEST_FILE = 700_000_000
 SUFFIXES = (".png", ".pgm", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".ppm", ".pbm")
 YAML_SUFFIXES = (".yaml", ".yml")
-
-
-@dataclass(frozen=True, slots=True)
-class Plan:
-    """A plan or map: pixels in rows, row 0 on top, and their place.
-
-    The plan's own frame is the yaml's frame turned by the origin's yaw, so that the picture is
-    axis-aligned in it; `frame` is its pose in the yaml's frame.
-
-    Attributes:
-        path: of the picture.
-        grey: (H, W) uint8, 0 black to 255 white, as it is shown.
-        occupancy: (H, W) int8, P(occupied) in per cent, -1 unknown (as OccupancyGrid has it).
-        resolution: m a pixel, None where it is not known.
-        origin: pose of the picture's lower left corner in the yaml's frame: m, m, rad.
-        placed: a yaml or an option says the origin.
-        inputs: path -> SHA-256 of every file that was read.
-    """
-
-    path: Path
-    grey: Grey
-    occupancy: Cells
-    resolution: float | None
-    origin: Pose
-    placed: bool
-    inputs: dict[str, str]
-
-    @property
-    def wall(self) -> Mask:
-        """(H, W) pixels that are wall: P(occupied) above one half."""
-        return self.occupancy > 50
-
-    @property
-    def known(self) -> Mask:
-        """(H, W) pixels that say anything."""
-        return self.occupancy >= 0
-
-    @property
-    def frame(self) -> Pose:
-        """Pose of the plan's frame in the yaml's frame: a turn only."""
-        return Pose(0.0, 0.0, self.origin.yaw)
-
-    @property
-    def corner(self) -> tuple[float, float]:
-        """x, y in m of the picture's lower left corner in the plan's frame."""
-        if self.origin.yaw == 0.0:
-            return self.origin.x, self.origin.y
-        x, y, _ = self.frame.inverse() @ self.origin
-        return x, y
-
-    @property
-    def scale(self) -> float:
-        """The resolution, m a pixel, where the work cannot go on without it.
-
-        Raises:
-            UsageError: it is not known.
-        """
-        if self.resolution is None:
-            hint = "give --plan-resolution M_PER_PIXEL, or a map yaml beside it"
-            raise UsageError(self.path, "nothing says how large a pixel is", hint=hint)
-        return self.resolution
-
-    @property
-    def extent(self) -> Extent:
-        """x0, y0, x1, y1 in m in the plan's frame.
-
-        Raises:
-            UsageError: the resolution is not known.
-        """
-        x, y = self.corner
-        rows, cols = self.occupancy.shape
-        return x, y, x + cols * self.scale, y + rows * self.scale
-
-
-def overlap(a: Extent, b: Extent) -> float:
-    """Area in m² that two extents (x0, y0, x1, y1) share; 0 where they lie apart."""
-    wide = min(a[2], b[2]) - max(a[0], b[0])
-    high = min(a[3], b[3]) - max(a[1], b[1])
-    return wide * high if wide > 0 and high > 0 else 0.0
 
 
 def open_plan(
@@ -116,6 +45,9 @@ def open_plan(
     invert: bool | None = None,
 ) -> Plan:
     """Read a plan: a picture, with the map yaml given or of its stem beside it, or a map yaml.
+
+    A map of Wean Hall's kind (text) says its own scale; `LOG:/map` is the last OccupancyGrid on a
+    topic of a log (see grid_in_log).
 
     With a yaml, nav2's rules say what is wall (`map_file.cells_of`). A plain picture's wall is its
     ink, grey below half of white; light lines on a dark ground are noticed and turned over.
@@ -133,6 +65,10 @@ def open_plan(
             of the yaml with line and column.
     """
     picture = Path(path)
+    if (named := topic_in(picture)) is not None:
+        plan = plan_of_log(*named, notes, resolution=resolution, origin=origin)
+        _check(plan.path, plan.grey, plan.occupancy)
+        return plan
     inputs: dict[str, str] = {}
     if _is_yaml(picture):
         if yaml is not None and Path(yaml) != picture:
@@ -147,6 +83,8 @@ def open_plan(
             notes.warn(text, f"its image {said}; its values are taken for {picture.name}")
     data = _bytes(picture)
     inputs[str(picture)] = hashlib.sha256(data).hexdigest()
+    data = text_inside(data)
+    values = values or values_of(data)
     grey, occupancy = _opener(picture, data)(picture, data, values, invert, notes)
     _check(picture, grey, occupancy)
     if values:
@@ -190,7 +128,8 @@ def _is_yaml(path: Path) -> bool:
     """By its suffix, else by its first words."""
     if path.suffix.lower() in YAML_SUFFIXES:
         return True
-    return re.search(rb"^(image|resolution):\s", _bytes(path, 4096), re.MULTILINE) is not None
+    head = _bytes(path, 4096)
+    return b"\0" not in head and bool(re.search(rb"^(image|resolution):\s", head, re.MULTILINE))
 
 
 def _read_yaml(path: Path, notes: Notes, inputs: dict[str, str], *, picture: bool) -> MapYaml:
@@ -246,7 +185,10 @@ def open_raster(
     return drawn(path, grey, invert, notes)
 
 
-OPENERS: tuple[tuple[Callable[[bytes], bool], Opener], ...] = ((is_picture, open_raster),)
+OPENERS: tuple[tuple[Callable[[bytes], bool], Opener], ...] = (
+    (is_picture, open_raster),
+    (is_map_text, open_map_text),
+)
 """What the first 4 KiB tell -> what reads it."""
 
 STRANGERS = (
@@ -254,7 +196,7 @@ STRANGERS = (
     (rb"%PDF", "is a PDF, which is not read; save it as PNG"),
     (rb"\s*<[^\0]*<svg|\s*<svg", "is an SVG, which is not read; save it as PNG"),
     (rb"\s*0\r?\n\s*SECTION", "is a DXF, which is not read; save it as PNG"),
-    (rb"\x89MCAP|#ROSBAG|SQLite format 3", "is a log, not a plan"),
+    (rb"\x89MCAP|#ROSBAG|SQLite format 3", "is a log, not a plan; a map in it is LOG:/TOPIC"),
 )
 
 

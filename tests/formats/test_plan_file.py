@@ -352,7 +352,7 @@ def test_a_file_beyond_reason_is_not_read(tmp_path: Path) -> None:
 
 
 def test_every_opener_is_tried_here(tmp_path: Path) -> None:
-    assert len(OPENERS) == 1  # a new one needs its own test of a plan
+    assert len(OPENERS) == 2  # a new one needs its own test of a plan; the second: test_map_text.py
     assert OPENERS[0][0](png(ROOM))
 
 
