@@ -54,8 +54,9 @@ class World:
 
     @property
     def files(self) -> list[Path]:
-        """Plan, truth and their yamls, each once."""
-        return [Path(name) for name in self.inputs]
+        """Plan, truth and their yamls, each once; not the logs that hold one."""
+        kept = [plan for plan in (self.plan, self.truth) if plan is not None and not plan.in_log]
+        return [Path(name) for name in dict.fromkeys(name for plan in kept for name in plan.inputs)]
 
     @property
     def inputs(self) -> dict[str, str]:
