@@ -95,6 +95,15 @@ def cell_layers(
     return CellLayers(geometry, pixels, wall, known, footprint)
 
 
+def count_walls(plan: Plan, geometry: Geometry) -> npt.NDArray[np.float64]:
+    """Share of each cell that is wall, (rows, cols), where nothing else of the plan is asked."""
+    pixels, wall, known = (np.zeros(geometry.shape, dtype=np.uint32) for _ in range(3))
+    to_cells = _pixel_to_cell(plan, geometry, plan.frame)
+    _count(plan.occupancy, to_cells, pixels, wall, known)
+    _fill(plan.occupancy, np.linalg.inv(to_cells).astype(np.float64), pixels, wall, known)
+    return wall / np.maximum(pixels, 1)
+
+
 def _pixel_to_cell(plan: Plan, geometry: Geometry, frame: Pose) -> npt.NDArray[np.float64]:
     """(3, 3) affine: (column, row from the top) of the picture, in pixels -> (col, row) of cells.
 

@@ -10,6 +10,7 @@ from formats.errors import UsageError
 from formats.frame import Pose
 from formats.grid import Update
 from replay.cells import Rule
+from replay.drawn import PlanMethod
 from replay.sensor import NoReturn
 from replay.world import Region
 
@@ -36,6 +37,9 @@ class Options(TypedDict, total=False):
     p_space: float
     p_outside: float
     prior_scale: float
+    p_door: float | None
+    p_window: float | None
+    plan_method: PlanMethod
     cell_rule: Rule
     region: Region
     sensor: str
@@ -68,6 +72,9 @@ WORLD: Options = {
     "p_space": 0.9,
     "p_outside": 0.5,
     "prior_scale": 0.9,
+    "p_door": None,  # p_space
+    "p_window": None,  # p_wall
+    "plan_method": "auto",
     "cell_rule": "any",
     "region": "footprint",
     "sensor": "beam",

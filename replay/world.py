@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,15 +12,17 @@ import numpy.typing as npt
 
 from formats.errors import FormatError, Notes
 from formats.frame import Pose
-from formats.grid import Geometry, Update
+from formats.grid import Geometry, Update, logit
 from formats.plan_file import Extent, Plan, overlap
 from formats.result import Curve
-from replay.cells import CellLayers, Rule, cell_layers, truth_cells
-from replay.prior import build_prior, no_prior
+from replay.cells import CellLayers, Rule, cell_layers, count_walls, truth_cells
+from replay.drawn import Openings, PlanMethod, taken_apart
+from replay.prior import PRIOR_SCALE, build_prior, no_prior, used
 from replay.sensor import MODELS
 
 Region = Literal["footprint", "image", "observed"]
 Bools = npt.NDArray[np.bool_]
+Floats = npt.NDArray[np.float64]
 MOST_CELLS = 100_000_000
 TINY = 1e-3  # m: a robot that stands still still has an extent
 PAPER_HIT, PAPER_MISS = 0.9, 0.1  # P(occupied): 0.7 / 0.4 would break the paper's E13
@@ -37,6 +39,7 @@ class World:
         curves: "none", and with a plan "bayes" and "paper".
         wall, scored: cells that are wall in truth, and cells that count; (rows, cols).
         map_to_plan: pose of the plan's frame in the frame of the poses.
+        openings: "door" and "window" -> share of each cell, where a drawing was taken apart.
     """
 
     plan: Plan | None
@@ -46,6 +49,7 @@ class World:
     wall: Bools
     scored: Bools
     map_to_plan: Pose
+    openings: dict[str, Floats] = field(default_factory=dict)
 
     @property
     def geometry(self) -> Geometry:
@@ -77,6 +81,7 @@ class World:
             "outside": self.layers.outside,
             "truth_wall": self.wall,
             "truth_scored": self.scored,
+            **self.openings,
         }
 
 
@@ -189,6 +194,9 @@ def build_world(
     update: Update = "bayes",
     cell_rule: Rule = "any",
     region: Region = "footprint",
+    plan_method: PlanMethod = "auto",
+    p_door: float | None = None,
+    p_window: float | None = None,
     **prior: float,
 ) -> World:
     """Plan, truth and prior on one lattice.
@@ -204,6 +212,8 @@ def build_world(
         sensor, p_hit, p_miss, update: see `curves_of`.
         cell_rule: when a cell is wall; of the truth "any" unless it is "majority".
         region: the building, the whole picture, or (later) what was observed.
+        plan_method: how a drawing becomes a plan, see `taken_apart`.
+        p_door, p_window: P(empty) of openings that a drawing shows; None: as space, as wall.
         prior: p_wall, p_space, p_outside, prior_scale.
 
     Raises:
@@ -212,9 +222,24 @@ def build_world(
     ground = plan or truth
     map_to_plan = Pose(0.0, 0.0, 0.0) if ground is None else place(ground, plan_pose)
     geometry = lattice(ground, bounds, map_to_plan, resolution, reach)
-    layers = blank(geometry) if plan is None else cell_layers(plan, geometry, notes=notes)
+    layers, openings = blank(geometry), {}
+    if plan is not None:
+        plan, found = taken_apart(plan, plan_method, notes)
+        layers = cell_layers(plan, geometry, notes=notes)
+        if found is not None:
+            openings = opening_cells(plan, found, geometry)
     rule = {**prior, "rule": cell_rule}
     curves = curves_of(layers, plan is not None, sensor, p_hit, p_miss, update, rule)
+    if openings:
+        scale = prior.get("prior_scale", PRIOR_SCALE)
+        shut = layers.walls(cell_rule)
+        l0 = curves["bayes"].prior.values  # which the paper curve shares
+        for p, cells in (
+            (p_door, (openings["door"] > 0) & ~shut),
+            (p_window, openings["window"] > 0),
+        ):
+            if p is not None:
+                l0[cells] = logit(used(p, scale))
     real = truth_beside(truth, plan) if truth and plan else truth or plan
     if real is None or real is plan:
         wall, scored = layers.walls(cell_rule), layers.footprint
@@ -223,7 +248,16 @@ def build_world(
         wall, scored = truth_cells(real, geometry, cell_rule, frame=frame, notes=notes)
     if region != "footprint" and plan is not None:
         scored = layers.pixels > 0
-    return World(plan, real, layers, curves, wall, scored, map_to_plan)
+    return World(plan, real, layers, curves, wall, scored, map_to_plan, openings)
+
+
+def opening_cells(plan: Plan, found: Openings, geometry: Geometry) -> dict[str, Floats]:
+    """Share of each cell that is door, and that is window; a wall beside a door stays wall."""
+    out = {}
+    for name, mask in (("door", found.doors), ("window", found.windows)):
+        drawn = replace(plan, occupancy=np.where(mask, np.int8(100), np.int8(0)))
+        out[name] = count_walls(drawn, geometry)
+    return out
 
 
 def blank(geometry: Geometry) -> CellLayers:

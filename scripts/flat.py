@@ -126,6 +126,50 @@ def picture(boxes: Floats, resolution: float, border: float = 0.4) -> npt.NDArra
     return out
 
 
+# Doors of the inner walls: hinge, where the shut leaf ends, where the open one does.
+DOORS = [
+    *[((x - 0.45, 3.4), (x + 0.45, 3.4), (x - 0.45, 2.5)) for x in (2.0, 5.6, 9.4)],
+    *[((x - 0.45, 4.7), (x + 0.45, 4.7), (x - 0.45, 5.6)) for x in (3.4, 6.6, 9.6)],
+    ((8.2, 6.15), (8.2, 7.05), (9.1, 6.15)),
+]
+ROOMS = [
+    ("LIVING", 2.5, 2.6),
+    ("KITCHEN", 6.1, 2.6),
+    ("BED 1", 8.4, 2.7),
+    ("HALL", 4.0, 3.95),
+    ("BED 2", 0.9, 5.3),
+    ("STUDY", 5.3, 5.6),
+    ("BOX", 9.6, 6.1),
+]
+
+
+def drawing(resolution: float, border: float = 0.4) -> npt.NDArray[np.uint8]:
+    """The architect's whole sheet: walls, doors with arcs, furniture, names, a dimension line."""
+    import cv2
+
+    out = picture(plan_boxes(), resolution, border)
+    rows = out.shape[0]
+
+    def at(x: float, y: float) -> tuple[int, int]:
+        return round((x + border) / resolution), rows - round((y + border) / resolution)
+
+    for x0, y0, x1, y1 in FURNITURE:
+        cv2.rectangle(out, at(x0, y1), at(x1, y0), 0, 1)
+    for hinge, shut, opened in DOORS:
+        cv2.line(out, at(*hinge), at(*opened), 0, 2)
+        start, end = (np.arctan2(p[1] - hinge[1], p[0] - hinge[0]) for p in (shut, opened))
+        angles = np.linspace(
+            start, start + np.arctan2(np.sin(end - start), np.cos(end - start)), 40
+        )
+        arc = [at(hinge[0] + 0.9 * np.cos(a), hinge[1] + 0.9 * np.sin(a)) for a in angles]
+        cv2.polylines(out, [np.array(arc)], False, 0, 1, cv2.LINE_AA)
+    for name, x, y in ROOMS:
+        cv2.putText(out, name, at(x, y), cv2.FONT_HERSHEY_SIMPLEX, 0.006 / resolution, 0, 1)
+    cv2.line(out, at(0, -0.2), at(WIDTH, -0.2), 0, 1)
+    cv2.putText(out, "11.00", at(5.2, -0.18), cv2.FONT_HERSHEY_SIMPLEX, 0.004 / resolution, 0, 1)
+    return out
+
+
 def cast(boxes: Floats, x: float, y: float, angles: Floats, far: float) -> Floats:
     """Distances (n,) from a point along angles (n,) to the nearest box; inf beyond `far`."""
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -18,7 +18,18 @@ from mcap.writer import Writer as McapWriter
 from rosbags.rosbag1 import Writer as BagWriter
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from scripts.flat import LEFT, LOW, Drive, Floats, cast, drive, picture, plan_boxes, real_boxes
+from scripts.flat import (
+    LEFT,
+    LOW,
+    Drive,
+    Floats,
+    cast,
+    drawing,
+    drive,
+    picture,
+    plan_boxes,
+    real_boxes,
+)
 
 RESOLUTION = 0.02  # m a pixel
 BORDER = 0.4
@@ -201,10 +212,15 @@ def write_bag(path: Path) -> None:
 def main(folder: Path) -> None:
     """Writes all of it into `folder`."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name, boxes in (("plan", plan_boxes()), ("truth", real_boxes())):
-        cv2.imwrite(str(folder / f"{name}.png"), picture(boxes, RESOLUTION, BORDER))
+    pictures = {
+        "plan": (picture(plan_boxes(), RESOLUTION, BORDER), RESOLUTION),
+        "truth": (picture(real_boxes(), RESOLUTION, BORDER), RESOLUTION),
+        "drawing": (drawing(RESOLUTION / 2, BORDER), RESOLUTION / 2),
+    }
+    for name, (pixels, resolution) in pictures.items():
+        cv2.imwrite(str(folder / f"{name}.png"), pixels)
         text = YAML.format(
-            image=f"{name}.png", resolution=RESOLUTION, x=LEFT - BORDER, y=LOW - BORDER
+            image=f"{name}.png", resolution=resolution, x=LEFT - BORDER, y=LOW - BORDER
         )
         (folder / f"{name}.yaml").write_text(text)
     write_mcap(folder / "turtlebot.mcap")

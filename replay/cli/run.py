@@ -54,6 +54,13 @@ from replay.cli.values import NOT_NEGATIVE, POSITIVE, PROBABILITY, PoseType, ans
 @click.option("--p-wall", type=PROBABILITY, help="P(EMPTY) of a drawn wall, as in the paper; 0.2.")
 @click.option("--p-space", type=PROBABILITY, help="P(EMPTY) of drawn free space; 0.9.")
 @click.option("--p-outside", type=PROBABILITY, help="P(EMPTY) outside the plan; 0.5.")
+@click.option("--p-door", type=PROBABILITY, help="P(EMPTY) of doors a drawing shows; p_space.")
+@click.option("--p-window", type=PROBABILITY, help="P(EMPTY) of its windows; p_wall.")
+@click.option(
+    "--plan-method",
+    type=click.Choice(["auto", "ink", "structural", "georgiou"]),
+    help="auto (default) extracts the walls of drawings with door symbols; ink takes dark ink.",
+)
 @click.option("--prior-scale", type=PROBABILITY, help="Multiplies p_wall and p_space; 0.9.")
 @click.option(
     "--cell-rule",

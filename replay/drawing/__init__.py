@@ -6,8 +6,9 @@ from typing import Literal
 
 from replay.drawing.shapes import Door, Drawing, Gray
 
-__all__ = ["Door", "Drawing", "Method", "extract"]
+__all__ = ["Door", "Drawing", "Method", "extract", "shows_doors"]
 Method = Literal["structural", "georgiou"]
+LEAVES = 2  # one arc with a line may be chance
 
 
 def extract(
@@ -33,3 +34,10 @@ def extract(
     from replay.drawing.structural import structural
 
     return structural(gray, resolution)
+
+
+def shows_doors(gray: Gray, resolution: float | None = None) -> bool:
+    """Whether leaves of doors are drawn, by which drawings are told from structural plans."""
+    from replay.drawing.structural import door_leaves
+
+    return len(door_leaves(gray, resolution)) >= LEAVES

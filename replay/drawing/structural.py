@@ -59,6 +59,17 @@ def structural(gray: Gray, resolution: float | None = None) -> Drawing:
     return enlarged(drawing, (gray.shape[0], gray.shape[1])) if half else drawing
 
 
+def door_leaves(gray: Gray, resolution: float | None = None) -> list[Leaf]:
+    """Arcs with a leaf, before it is asked whether walls carry them; see `structural`."""
+    gray = upright(gray)
+    ink = binarise(gray)
+    lines = faint(gray, ink)
+    if gray.size > LARGE:
+        lines = shrunk(lines, 2)
+    scale = 2 if gray.size > LARGE else 1
+    return _leaves(lines, DOOR_M / resolution / scale if resolution else 0.0)
+
+
 def enlarged(drawing: Drawing, shape: tuple[int, int]) -> Drawing:
     """What was found at half the size, in pixels of the whole picture of `shape`."""
     return Drawing(

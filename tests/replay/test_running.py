@@ -77,6 +77,21 @@ def test_the_same_command_gives_the_same_maps_and_scores(played: Result, tmp_pat
     assert all(np.array_equal(again.counts[n], first.counts[n]) for n in first.counts)
 
 
+def test_a_whole_drawing_serves_as_well_as_its_walls_alone(played: Result, tmp_path: Path) -> None:
+    notes = Notes()
+    drawing = run(
+        SAMPLES / "turtlebot.mcap",
+        SAMPLES / "drawing.png",
+        truth=SAMPLES / "truth.png",
+        output=tmp_path / "drawing.mcap",
+        notes=notes,
+    )
+    assert abs(f2(drawing)["bayes"] - f2(played)["bayes"]) <= 0.03
+    assert any("7 doors extracted" in note.problem for note in notes.of("info"))
+    ink = sample(tmp_path, every=40, plan_method="ink")
+    assert f2(ink)["bayes"] > 0
+
+
 def test_gates_thin_the_scans(tmp_path: Path) -> None:
     assert sample(tmp_path, every=10).facts["scans"] == 81
     sparse = sample(tmp_path, min_travel=0.1, force=True)

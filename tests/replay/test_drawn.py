@@ -1,0 +1,81 @@
+"""Drawings as plans: told from structural ones, their openings on the lattice, doors drawn shut."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from formats.errors import Notes
+from formats.frame import Frame, Pose, Scan
+from formats.grid import logit
+from formats.plan_file import open_plan
+from replay.drawn import taken_apart
+from replay.mapper import Mapper
+from replay.pipeline import steps
+from replay.world import build_world
+from scripts.flat import DOORS, LEFT, LOW
+from tests.worlds import world_png
+
+SAMPLES = Path(__file__).resolve().parents[2] / "sample_logs"
+BOUNDS = (0.0, 0.0, 1.0, 0.1)
+
+
+def test_a_structural_plan_keeps_its_ink() -> None:
+    plan = open_plan(SAMPLES / "plan.png", Notes())
+    same, openings = taken_apart(plan, "auto", Notes())
+    assert same is plan
+    assert openings is None
+
+
+def test_the_doors_of_a_drawing_are_openings_where_they_were_drawn() -> None:
+    world = build_world(
+        open_plan(SAMPLES / "drawing.png", Notes()), None, BOUNDS, 1.0, Notes(), p_door=0.5
+    )
+    g, door = world.geometry, world.openings["door"]
+    for hinge, shut, _ in DOORS:
+        x, y = ((a + b) / 2 + c for a, b, c in zip(hinge, shut, (LEFT, LOW), strict=True))
+        row, col = int((y - g.y) / g.resolution), int((x - g.x) / g.resolution)
+        assert door[row - 2 : row + 3, col - 2 : col + 3].max() > 0.5
+        # 0.5 x 0.9 under the paper's scale (PAPER A5), in the bayes and the paper curve alike
+        near = world.curves["bayes"].prior.values[row - 2 : row + 3, col - 2 : col + 3]
+        assert np.isclose(near, logit(0.45)).any()
+    assert not (door[world.layers.wall == world.layers.pixels] == 1).any()
+
+
+@pytest.mark.parametrize("method", ["structural", "georgiou"])
+def test_a_method_can_be_asked_for(method: str) -> None:
+    notes = Notes()
+    plan = open_plan(SAMPLES / "drawing.png", Notes())
+    drawn, openings = taken_apart(plan, method, notes)  # type: ignore[arg-type]
+    assert openings is not None
+    assert 0.5 < drawn.wall.sum() / plan.wall.sum() < 1.0
+    assert method in notes.of("info")[0].problem
+
+
+def test_a_door_drawn_shut_is_opened_by_mapping(tmp_path: Path) -> None:
+    """PAPER D16: what extraction takes for wall, the robot that drives through it opens."""
+    rows = ["#" * 60, *["#" + "." * 29 + "#" + "." * 28 + "#"] * 28, "#" * 60]
+    plan = open_plan(
+        world_png(tmp_path / "plan.png", "\n".join(rows)),
+        Notes(),
+        resolution=0.1,
+        origin=Pose(0.0, 0.0, 0.0),
+    )
+    world = build_world(plan, None, (1.0, 1.5, 5.0, 1.5), 5.0, Notes(), resolution=0.1)
+    ahead = np.linspace(-0.3, 0.3, 61)
+    frames = []
+    for i, x in enumerate(np.arange(1.0, 4.0, 0.1)):
+        ranges = ((5.95 - x) / np.cos(ahead)).astype(np.float32)  # the far wall, through the door
+        scan = Scan(ahead, np.full(61, 0.01), ranges, 0.05, 10.0)
+        frames.append(Frame(i, Pose(float(x), 1.5, 0.0), scan))
+    mapper = Mapper(world.geometry, max_range=10.0)
+    (*_, last) = steps(iter(frames), len(frames), world, mapper)
+    g = world.geometry
+    col, row, other = (round(v / 0.1) for v in (3.0 - g.x, 1.5 - g.y, 0.3 - g.y))
+    door = last.grids["bayes"].occupied()[row, col]
+    beside = last.grids["bayes"].occupied()[other, col]
+    assert world.layers.walls()[row, col]
+    assert not door
+    assert beside
