@@ -187,7 +187,7 @@ def plan(
     }
     if truth is not None:
         shape = (drawing.walls.shape[0], drawing.walls.shape[1])
-        facts |= score(drawing, read_truth(truth, shape, path))
+        facts |= score(drawing, read_truth(Path(truth), shape, Path(path)))
     write_image(names["overlay.png"], overlay(reading), force=force, inputs=inputs)
     write_text(names["plan.geojson"], geojson(reading), force=force, inputs=inputs)
     written = [names["overlay.png"], names["plan.geojson"]]

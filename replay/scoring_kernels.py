@@ -30,11 +30,11 @@ def value(counts: Counted, cell: int, l0: float, paper: bool, sizes: Floats, sig
         paper: by the paper's update.
         sizes, signs: (m,) and (m, levels), `formats.grid.terms`.
     """
-    total, visits = 0.0, 0
+    total, visits = 0.0, np.int64(0)
     for level in range(counts.shape[0]):
         visits += np.int64(counts[level, cell])
     for m in range(sizes.size):
-        net = 0
+        net = np.int64(0)
         for level in range(counts.shape[0]):
             net += signs[m, level] * np.int64(counts[level, cell])
         total += sizes[m] * net

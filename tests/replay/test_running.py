@@ -147,7 +147,7 @@ def test_a_real_log_with_measured_poses(
         shared_data / "maps/crob_lab/i-108_10mm.yaml",
         output=tmp_path / "jarvis.replay.mcap",
         scan=topic,
-        **JARVIS,  # type: ignore[arg-type]
+        **JARVIS,
     )
     assert result.facts["scans"] == scans
     assert f2(result)["bayes"] >= f2(result)["none"] + 0.10
