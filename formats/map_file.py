@@ -61,7 +61,7 @@ def cells_of(path: AnyPath, raster: Raster, values: MapYaml, notes: Notes) -> Ce
             part[hidden[rows] != raster.full] = -1
         cells[rows] = part
     if turned_free:
-        share = f"{100 * turned_free / cells.size:.0f} % of the pixels are grey 205"
+        share = f"{100 * turned_free / cells.size:.2g} % of the pixels are grey 205"
         limit = f"free_thresh {values.free_thresh:g} would make them free"
         notes.warn(path, f"{share}: taken as unknown, though {limit}")
     return cells
