@@ -8,44 +8,21 @@ defaults unless said otherwise.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import radians, sqrt
-from typing import NamedTuple
 
 import numpy as np
 
 from formats.frame import Floats, Pose
+from replay.localise.estimate import Estimate, summary
 from replay.localise.field import Field
 from replay.localise.likelihood import UNIT, Costs, Model, Reading
-from replay.localise.motion import Alphas, drive_on, move_between, wrapped
-from replay.localise.resampling import BIN, enough, systematic
+from replay.localise.motion import Alphas, drive_on, move_between
+from replay.localise.resampling import enough, systematic
 
-SETTLED_M, SETTLED_RAD = 0.3, radians(10.0)
-NEAR = (0.5, radians(20.0))  # m, rad: around the estimate, whose mean it is
-PER_M2 = 400.0  # poses tried on each m² of free space at a global start
-MOST_TRIED = 200_000
-
-
-class Estimate(NamedTuple):
-    """Where the body is.
-
-    Attributes:
-        pose: the mean of the heaviest cluster of particles, in the plan's own frame.
-        covariance: (3, 3) of x, y, yaw (m², m rad, rad²) of all particles about it.
-    """
-
-    pose: Pose
-    covariance: Floats
-
-    @property
-    def settled(self) -> bool:
-        """Whether the particles agree, to 0.3 m and 10 degrees (one standard deviation)."""
-        return settled(self.covariance)
-
-
-def settled(covariance: Floats) -> bool:
-    """Below 0.3 m along the longest axis, and below 10 degrees."""
-    place = float(np.linalg.eigvalsh(covariance[:2, :2])[-1])
-    return sqrt(max(place, 0.0)) < SETTLED_M and sqrt(covariance[2, 2]) < SETTLED_RAD
+PER_M2 = 1000.0  # poses tried on each m² of free space at a global start
+MOST_TRIED = 300_000
+FIRST = 10  # readings that say how well they fit when all is well
+WORSE = 0.15  # share by which readings fit less than before, below which nothing is wrong
+TRIES = 50  # poses for each particle that is drawn anew
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,11 +32,11 @@ class Parameters:
     Attributes:
         alphas: noise of the odometry.
         min_particles, max_particles: once settled.
-        global_particles: at most, until settled (ours).
+        global_particles: at most, and at least a quarter of it, until settled (ours).
         pf_err, pf_z: of KLD sampling.
         resample_interval: updates.
-        recovery_alpha_slow, recovery_alpha_fast: of the mean likelihood; nav2 suggests these values
-            but has 0 and 0, that is no recovery.
+        recovery_alpha_slow, recovery_alpha_fast: of the mean likelihood; 0 and 0 for no recovery,
+            as nav2 has it, which suggests these values.
         effective_beams: what the beams of one scan weigh together, since they are not independent
             (ours; nav2 sums cubes instead).
     """
@@ -104,7 +81,7 @@ class Amcl:
         self.field, self.model, self.parameters = field, model, parameters or Parameters()
         self._rng = np.random.default_rng(seed)
         self._odometry: Pose | None = None
-        self._updates, self._lost = 0, start is None
+        self._updates, self._weighed, self._lost = 0, 0, start is None
         self._slow = self._fast = 0.0
         if start is None:
             count = int(min(max(PER_M2 * field.area, self.parameters.max_particles), MOST_TRIED))
@@ -139,16 +116,18 @@ class Amcl:
 
     def _weigh(self, reading: Reading) -> None:
         costs = self.model.costs(self.particles, reading)
-        likelihood = float(self.weights @ np.exp(costs * (-1.0 / (UNIT * reading.ranges.size))))
         self.weights *= self._likelihoods(costs, reading)
         self.weights /= self.weights.sum()
+        # Of a beam, over the particles as they are weighed now: over those of before, as in the
+        # book, it would tell the odometry's noise more than the fit.
+        likelihood = float(self.weights @ np.exp(costs * (-1.0 / (UNIT * reading.ranges.size))))
         if self._lost:
             return
-        if self._slow == 0.0:
-            self._slow = self._fast = likelihood
+        self._weighed += 1
         p = self.parameters
-        self._slow += p.recovery_alpha_slow * (likelihood - self._slow)
-        self._fast += p.recovery_alpha_fast * (likelihood - self._fast)
+        first = 1.0 / self._weighed if self._weighed <= FIRST else 0.0  # a plain mean of the first
+        self._slow += max(p.recovery_alpha_slow, first) * (likelihood - self._slow)
+        self._fast += max(p.recovery_alpha_fast, first) * (likelihood - self._fast)
 
     def _likelihoods(self, costs: Costs, reading: Reading) -> Floats:
         """Relative to the best particle, tempered to the effective number of beams."""
@@ -157,10 +136,12 @@ class Amcl:
 
     def _resample(self, reading: Reading) -> None:
         p = self.parameters
-        most = p.global_particles if self._lost else p.max_particles
-        n = enough(self.particles, self.weights, self._rng, p.min_particles, most, p.pf_err, p.pf_z)
-        share = max(0.0, 1.0 - self._fast / self._slow) if self._slow > 0.0 else 0.0
-        fresh = round(share * n) if reading.ranges.size else 0
+        least, most = p.min_particles, p.max_particles
+        if self._lost:  # few particles would soon forget one of two places by chance
+            least, most = max(least, p.global_particles // 4), max(most, p.global_particles)
+        n = enough(self.particles, self.weights, self._rng, least, most, p.pf_err, p.pf_z)
+        worse = 1.0 - self._fast / self._slow if self._slow > 0.0 else 0.0
+        fresh = round(worse * n) if worse > WORSE and reading.ranges.size else 0
         drawn = systematic(self.weights, n - fresh, self._rng.random())
         self.particles = self.particles[drawn]
         if fresh:
@@ -169,44 +150,7 @@ class Amcl:
 
     def _reset(self, count: int, reading: Reading) -> Floats:
         """Poses (count, 3) drawn by how well the reading fits there."""
-        tried = int(min(max(PER_M2 * self.field.area, count), MOST_TRIED))
+        tried = min(TRIES * count, MOST_TRIED)
         poses = self.field.scatter(tried, self._rng)
         likely = self._likelihoods(self.model.costs(poses, reading), reading)
         return poses[systematic(likely, count, self._rng.random())]
-
-
-def summary(particles: Floats, weights: Floats) -> Estimate:
-    """The heaviest cluster's mean, and the covariance of all particles about it.
-
-    Args:
-        particles: (n, 3) poses.
-        weights: (n,) that sum to 1.
-    """
-    bins = np.floor(particles / np.array(BIN)).astype(np.int64)
-    keys = (bins[:, 0] << 40) ^ ((bins[:, 1] & 0xFFFFF) << 16) ^ (bins[:, 2] & 0xFFFF)
-    _, which = np.unique(keys, return_inverse=True)
-    inside = which == np.bincount(which, weights).argmax()
-    for _ in range(3):
-        pose = mean_pose(particles[inside], weights[inside])
-        off = difference(particles, pose)
-        inside = np.hypot(off[:, 0], off[:, 1]) <= NEAR[0]
-        inside &= np.abs(off[:, 2]) <= NEAR[1]
-        if not inside.any():
-            break
-    off = difference(particles, pose)
-    return Estimate(pose, (off * weights[:, None]).T @ off)
-
-
-def mean_pose(particles: Floats, weights: Floats) -> Pose:
-    """The weighted mean; headings as on a circle."""
-    share = weights / weights.sum()
-    x, y, yaw = particles.T
-    heading = np.arctan2(share @ np.sin(yaw), share @ np.cos(yaw))
-    return Pose(float(share @ x), float(share @ y), wrapped(float(heading)))
-
-
-def difference(particles: Floats, pose: Pose) -> Floats:
-    """Poses (n, 3) less another one, headings within -pi to pi."""
-    off = particles - np.array(pose)
-    off[:, 2] = np.mod(off[:, 2] + np.pi, 2.0 * np.pi) - np.pi
-    return off

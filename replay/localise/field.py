@@ -25,7 +25,8 @@ class Field:
     Attributes:
         geometry: in the plan's own frame; cells are whole pixels of the plan, so its corner is not
             on whole cells.
-        distance: (rows, cols) float32 m to the nearest wall, the mean over the cell.
+        distance: (rows, cols) float32 m to the nearest face of a wall, below 0 inside of walls; the
+            mean over the cell. (A beam ends at a face: deep inside a thick wall nothing is seen.)
         free: (k,) flat indices of cells where the sensor may be: of the building, not wall.
     """
 
@@ -73,11 +74,15 @@ def build_field(plan: Plan, notes: Notes | None = None) -> Field:
     rows, cols = (-(-size // step) for size in wall.shape)
     if rows * cols > MOST_CELLS:
         raise FormatError(plan.path, f"{rows * cols:,} cells are too many to localise on")
-    distance = cv2.distanceTransform((~wall).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    outside, inside = (
+        cv2.distanceTransform(part.view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        for part in (~wall, wall)
+    )
+    # Distances are between centres of pixels: a face lies half a pixel before.
+    distance = np.where(wall, 0.5 - inside, outside - 0.5)
     ragged = ((0, rows * step - wall.shape[0]), (0, cols * step - wall.shape[1]))
     blocks = np.pad(distance, ragged, mode="edge").reshape(rows, step, cols, step)
-    # Distances are between centres of pixels: a wall begins half a pixel before.
-    mean = np.maximum(blocks.mean(axis=(1, 3)) - 0.5, 0.0) * plan.scale
+    mean = blocks.mean(axis=(1, 3)) * plan.scale
     geometry = Geometry(rows, cols, step * plan.scale, *plan.corner)
     layers = cell_layers(plan, geometry, notes=notes)
     free = np.flatnonzero(layers.footprint & (layers.wall == 0))

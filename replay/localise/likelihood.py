@@ -126,7 +126,7 @@ class LikelihoodField:
     def _build(self, longest: float) -> Costs:
         """Flat costs by cell with a border of one cell around."""
         z_hit, z_rand, sigma, most = self._weights
-        distance = np.pad(np.minimum(self.field.distance, most), 1, constant_values=most)
+        distance = np.pad(np.minimum(np.abs(self.field.distance), most), 1, constant_values=most)
         rand = z_rand / min(longest, LONGEST)
         p = z_hit * np.exp(-0.5 * np.square(distance / sigma)) + rand
         nats = np.log(z_hit + rand) - np.log(p)

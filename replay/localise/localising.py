@@ -11,7 +11,7 @@ from formats.drive import Drive
 from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Floats, Pose
 from formats.plan_file import Plan
-from replay.localise.amcl import Estimate
+from replay.localise.estimate import Estimate
 from replay.localise.field import Field, build_field
 from replay.localise.options import DEFAULTS, Options
 from replay.localise.poses import Poses, carried, compose, inverse

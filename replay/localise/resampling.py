@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import ceil, floor, sqrt
+from math import ceil, floor, radians, sqrt
 
 import numpy as np
 import numpy.typing as npt
@@ -10,7 +10,7 @@ import numpy.typing as npt
 from formats.frame import Floats
 from formats.jit import njit
 
-BIN = (0.5, 0.5, np.radians(10.0))  # m, m, rad: cells of the histogram, nav2_amcl's
+BIN_M, BIN_RAD = 0.5, radians(10.0)  # cells of the histogram, nav2_amcl's
 
 
 @njit
@@ -32,27 +32,43 @@ def kld_count(bins: int, pf_err: float, pf_z: float) -> float:
 
 
 @njit
+def bin_key(x: float, y: float, yaw: float) -> int:
+    """A number of the bin that a pose lies in, not negative."""
+    a, b = floor(x / BIN_M) & 0xFFFFF, floor(y / BIN_M) & 0xFFFFF
+    return (a << 32) | (b << 12) | (floor(yaw / BIN_RAD) & 0xFFF)
+
+
+@njit
+def find_slot(slots: npt.NDArray[np.int64], key: int) -> int:
+    """Where a key is, or may be put, in a table of 2^k slots that holds -1 where it is empty."""
+    mask = slots.size - 1
+    slot = ((key ^ (key >> 21)) * 0x9E3779B1 >> 7) & mask
+    while slots[slot] != -1 and slots[slot] != key:
+        slot = (slot + 1) & mask
+    return slot
+
+
+def table(size: int) -> npt.NDArray[np.int64]:
+    """An empty one with room for so many keys."""
+    return np.full(1 << ceil(np.log2(4 * size)), -1, dtype=np.int64)
+
+
+@njit
 def _enough(
     particles: Floats,
     sums: Floats,
     draws: Floats,
-    bins: tuple[float, float, float],
     least: int,
     pf_err: float,
     pf_z: float,
     slots: npt.NDArray[np.int64],
 ) -> int:
     """Draw until there are enough for the bins met so far; `slots` is an empty table of -1."""
-    met, mask = 0, slots.size - 1
+    met = 0
     for n in range(draws.size):
         i = min(np.searchsorted(sums, draws[n] * sums[-1], side="right"), sums.size - 1)
-        a = floor(particles[i, 0] / bins[0]) & 0xFFFFF
-        b = floor(particles[i, 1] / bins[1]) & 0xFFFFF
-        c = floor(particles[i, 2] / bins[2]) & 0xFFF
-        key = (a << 32) | (b << 12) | c
-        slot = ((key ^ (key >> 21)) * 0x9E3779B1 >> 7) & mask
-        while slots[slot] != -1 and slots[slot] != key:
-            slot = (slot + 1) & mask
+        key = bin_key(particles[i, 0], particles[i, 1], particles[i, 2])
+        slot = find_slot(slots, key)
         if slots[slot] == -1:
             slots[slot] = key
             met += 1
@@ -71,9 +87,9 @@ def enough(
     pf_z: float = 0.99,
 ) -> int:
     """How many particles to draw: KLD sampling's answer, from `least` to `most`."""
-    slots = np.full(1 << ceil(np.log2(4 * most)), -1, dtype=np.int64)
+    slots = table(most)
     draws = rng.random(most)
-    return _enough(particles, np.cumsum(weights), draws, BIN, least, pf_err, pf_z, slots)
+    return _enough(particles, np.cumsum(weights), draws, least, pf_err, pf_z, slots)
 
 
 def systematic(weights: Floats, count: int, start: float) -> npt.NDArray[np.int64]:

@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from formats.frame import Floats, Pose, Scan
-from replay.localise.amcl import Amcl, Estimate, Parameters, settled
+from replay.localise.amcl import Amcl, Parameters
+from replay.localise.estimate import Estimate, settled
 from replay.localise.field import Field
 from replay.localise.likelihood import BeamModel, LikelihoodField, Model, Reading, pick
 from replay.localise.motion import Alphas, wrapped

@@ -42,18 +42,20 @@ def scan(ranges: list[float], near: float = 0.1, far: float = 10.0) -> Scan:
     return Scan(bearings, np.full(n, 0.1), np.array(ranges, dtype=np.float32), near, far)
 
 
-def slow_distance(field: Field, wall: set[tuple[int, int]], row: int, col: int) -> float:
-    """To the near edge of the nearest wall cell: half a cell less than between the centres."""
-    nearest = min(((row - r) ** 2 + (col - c) ** 2) ** 0.5 for r, c in wall)
-    return max(nearest - 0.5, 0.0) * field.geometry.resolution
+def slow_distance(wall: set[tuple[int, int]], row: int, col: int) -> float:
+    """In cells to the nearest cell of the other kind, less the half that is its own."""
+    inside = (row, col) in wall
+    others = [(r, c) for r in range(6) for c in range(10) if ((r, c) in wall) != inside]
+    nearest = min(((row - r) ** 2 + (col - c) ** 2) ** 0.5 for r, c in others) - 0.5
+    return -nearest if inside else nearest
 
 
-def test_distances_are_those_of_the_nearest_wall(room: Field) -> None:
+def test_distances_are_those_of_the_nearest_face_of_a_wall(room: Field) -> None:
     rows = [line for line in ROOM.splitlines() if line][::-1]
     wall = {(r, c) for r, line in enumerate(rows) for c, cell in enumerate(line) if cell == "#"}
     for row in range(6):
         for col in range(10):
-            expected = slow_distance(room, wall, row, col)
+            expected = 0.1 * slow_distance(wall, row, col)
             assert room.distance[row, col] == pytest.approx(expected, abs=1e-6)
     assert set(room.free.tolist()) == {
         r * 10 + c for r in range(6) for c in range(10) if (r, c) not in wall
@@ -137,7 +139,7 @@ def test_likelihood_field_equals_the_formula_beam_by_beam(room: Field) -> None:
             row, col = int(np.floor(py / 0.1)), int(np.floor(px / 0.1))
             inside = 0 <= row < 6 and 0 <= col < 10
             beyond += not inside
-            d = min(float(room.distance[row, col]), most) if inside else most
+            d = min(abs(float(room.distance[row, col])), most) if inside else most
             p = z_hit * exp(-0.5 * (d / sigma) ** 2) + z_rand / 5.0
             total += log(z_hit + z_rand / 5.0) - log(p)
         assert cost / UNIT == pytest.approx(total, abs=7 / UNIT)
