@@ -25,7 +25,7 @@ if sys.version_info >= (3, 14):
 else:
     from backports import zstd
 
-__all__ = ["DAMAGE", "DECOMPRESSORS", "crc32", "inflate", "open_stream", "wrapper"]
+__all__ = ["DAMAGE", "DECOMPRESSORS", "crc32", "inflate", "open_stream", "wrapper", "zstd"]
 
 STEP = 16_384
 PIECE = 1 << 20

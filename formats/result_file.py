@@ -8,10 +8,11 @@ import struct
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from datetime import UTC, datetime
+from importlib.metadata import version
 from math import isfinite
 from pathlib import Path, PurePath
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,15 +24,14 @@ from formats.errors import Path as AnyPath
 from formats.frame import Pose
 from formats.grid import Evidence, Geometry
 from formats.keyframes import Change, Keyframes, Pictures, percent
+from formats.mcap_writing import McapWriter
 from formats.output import atomic
 from formats.result import Curve, Step
 from formats.result_reading import FORMAT, RECORD, RunFile, read_result
 
-if TYPE_CHECKING:
-    from mcap.writer import Writer
-
 __all__ = ["FORMAT", "ResultWriter", "RunFile", "read_result"]
 
+Stream = tuple[str, str, npt.NDArray[Any]]  # topic, type, a record a frame
 HERE = Pose(0.0, 0.0, 0.0)
 BLOCK = 4096  # frames encoded at once
 IN_MEMORY = 1 << 24  # bytes of frames held before they go to a temporary file
@@ -157,21 +157,19 @@ class ResultWriter:
         Raises:
             FormatError: there were no frames.
         """
-        from mcap.writer import Writer
-
         if self._frames == 0:
             raise FormatError(self._path, "the run has no frames: there is no result to write")
         if self._last is not None:
             self._keyframes.close(self._frames - 1, self._last)
         with self._part.open("wb") as file:
-            writer = Writer(file, enable_data_crcs=True)
-            writer.start(profile="ros2")
+            library = f"plan-replay/{version('plan-replay')}"
+            writer = McapWriter(file, "ros2", library)
             self._describe({**self._facts, **(facts or {})}, writer)
             self._messages(ros.Channels(writer))
             writer.finish()
         self._finished = True
 
-    def _describe(self, facts: Mapping[str, Any], writer: Writer) -> None:
+    def _describe(self, facts: Mapping[str, Any], writer: McapWriter) -> None:
         """Metadata and attachments."""
         g = self._geometry
         curves = {
@@ -197,11 +195,11 @@ class ResultWriter:
             "keyframes": len(self._keyframes.kept),
         }
         now = datetime.now(UTC).isoformat(timespec="seconds")
-        writer.add_metadata("written", {"time": now})
-        writer.add_metadata(RECORD, {key: _json(value) for key, value in record.items()})
+        writer.metadata("written", {"time": now})
+        writer.metadata(RECORD, {key: _json(value) for key, value in record.items()})
         for name, data in self._attachments.items():
             media = MEDIA.get(PurePath(name).suffix.lower(), "application/octet-stream")
-            writer.add_attachment(0, 0, name, media, data)
+            writer.attachment(name, media, data)
 
     def _messages(self, channels: ros.Channels) -> None:
         """What holds once, then each frame's small messages and its keyframe's, by time."""
@@ -210,24 +208,24 @@ class ResultWriter:
         shown = {topic: name for topic, name in shown.items() if name in self._curves}
         drawn = {name: self._curves[name] for name in shown.values()}
         pictures = Pictures(drawn, self._geometry, self._levels)
-        frame = 0
-        for times, streams in self._blocks():
-            for i, time in enumerate(times):
-                if frame == 0:
-                    self._once(channels, time)
-                for topic, kind, size, data in streams:
-                    channels.add(topic, kind, time, data[i * size : (i + 1) * size], frame)
-                if frame in kept:
-                    self._evidence(channels, time, kept[frame])
-                    pictures.add(kept[frame])
-                    for topic, name in shown.items():
-                        self._grid(channels, topic, time, pictures.cells[name])
-                frame += 1
+        for first, times, streams in self._blocks():
+            if first == 0:
+                self._once(channels, int(times[0]))
+            frames, done = channels.block(times, first, streams), 0
+            for frame in [frame for frame in kept if first <= frame < first + len(times)]:
+                time, behind = int(times[frame - first]), frame - first + 1
+                channels.add_frames(frames[done:behind])
+                done = behind
+                self._evidence(channels, time, kept[frame])
+                pictures.add(kept[frame])
+                for topic, name in shown.items():
+                    self._grid(channels, topic, time, pictures.cells[name])
+            channels.add_frames(frames[done:])
 
-    def _blocks(self) -> Iterator[tuple[list[int], list[tuple[str, str, int, bytes]]]]:
-        """Times and (topic, type, size of a message, all messages) of a block of frames."""
+    def _blocks(self) -> Iterator[tuple[int, npt.NDArray[np.int64], list[Stream]]]:
+        """Index of the first frame, times, and what each topic says, of a block of frames."""
         fields = [("time", "<i8"), ("pose", "<f8", 3), ("counts", "<i8", (len(self._scored), 2, 4))]
-        kind, frame = np.dtype(fields), 0
+        kind, first = np.dtype(fields), 0
         self._held.seek(0)
         while data := self._held.read(BLOCK * kind.itemsize):
             block = np.frombuffer(data, dtype=kind)
@@ -237,10 +235,10 @@ class ResultWriter:
                 ("/tf", ros.TF, records.tf_records(times, block["pose"])),
             ]
             for i, name in enumerate(self._scored):
-                metrics = records.metrics_records(times, frame, block["counts"][:, i])
+                metrics = records.metrics_records(times, first, block["counts"][:, i])
                 streams.append((f"/metrics/{name}", ros.METRICS, metrics))
-            yield times.tolist(), [(a, b, c.itemsize, c.tobytes()) for a, b, c in streams]
-            frame += len(block)
+            yield first, times, streams
+            first += len(block)
 
     def _once(self, channels: ros.Channels, time: int) -> None:
         """What holds for the whole run."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -12,10 +12,11 @@ import numpy.typing as npt
 from formats.frame import Pose
 from formats.grid import Geometry
 from formats.keyframes import Change
+from formats.mcap_write_records import block
+from formats.mcap_writing import McapWriter
 from formats.result_records import MAP, PLAN, numbers
 
 if TYPE_CHECKING:
-    from mcap.writer import Writer
     from rosbags.typesys.store import Typestore
 
 METRICS = "replay_msgs/msg/MapMetrics"
@@ -224,24 +225,44 @@ class Channels:
     """Adds messages, registering each topic and type when it first comes.
 
     Maps and what holds once are offered as transient_local, so that late joiners get them; every
-    other topic is volatile.
+    other topic is volatile. Log time = publish time.
     """
 
-    def __init__(self, writer: Writer) -> None:
+    def __init__(self, writer: McapWriter) -> None:
         self._writer = writer
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
 
     def add(self, topic: str, kind: str, time: int, data: bytes, sequence: int = 0) -> None:
-        """One message of a ROS 2 type, log time = publish time."""
-        if topic not in self._channels:
-            self._register(topic, kind)
-        self._writer.add_message(self._channels[topic], time, data, time, sequence)
+        """One message of a ROS 2 type."""
+        self._writer.message(self._number(topic, kind), time, data, time, sequence)
 
-    def _register(self, topic: str, kind: str) -> None:
-        if kind not in self._schemas:
-            text = definition(kind).encode()
-            self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", text)
-        metadata = {"offered_qos_profiles": qos(latched=topic in LATCHED)}
-        number = self._writer.register_channel(topic, "cdr", self._schemas[kind], metadata)
-        self._channels[topic] = number
+    def block(
+        self,
+        times_ns: npt.NDArray[np.int64],
+        first: int,
+        streams: Sequence[tuple[str, str, npt.NDArray[Any]]],
+    ) -> npt.NDArray[np.void]:
+        """Frames `first`, ... with a message on each topic, for `add_frames`.
+
+        Args:
+            times_ns: (n,) of the frames.
+            first: index of the first, the sequence number of its messages.
+            streams: topic, type and records (n,), in the order of a frame's messages.
+        """
+        numbered = [(self._number(topic, kind), data) for topic, kind, data in streams]
+        return block(times_ns, first, numbered)
+
+    def add_frames(self, frames: npt.NDArray[np.void]) -> None:
+        """Frames of a `block`."""
+        self._writer.block(frames)
+
+    def _number(self, topic: str, kind: str) -> int:
+        if topic not in self._channels:
+            if kind not in self._schemas:
+                text = definition(kind).encode()
+                self._schemas[kind] = self._writer.schema(kind, "ros2msg", text)
+            metadata = {"offered_qos_profiles": qos(latched=topic in LATCHED)}
+            number = self._writer.channel(topic, "cdr", self._schemas[kind], metadata)
+            self._channels[topic] = number
+        return self._channels[topic]

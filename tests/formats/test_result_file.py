@@ -11,6 +11,7 @@ import struct
 import subprocess
 from collections.abc import Iterable, Iterator
 from datetime import datetime, timedelta, tzinfo
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -110,6 +111,29 @@ def test_blocks_and_the_temporary_file_change_nothing(
     assert np.array_equal(parts.poses, whole.poses)
     assert np.array_equal(parts.counts["paper"], whole.counts["paper"])
     assert [m.frame for _, m in by_rosbags(tmp_path / "b.mcap")["/metrics/none"]] == list(range(30))
+
+
+def test_a_frames_messages_follow_each_other_and_then_its_keyframes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from mcap.reader import NonSeekingReader
+
+    monkeypatch.setattr("formats.result_file.BLOCK", 7)
+    path = tmp_path / "a.mcap"
+    with ResultWriter(path, geometry=GEOMETRY, curves=curves()) as writer:
+        for step in steps(30, every=3):
+            writer.write(step)
+        writer.finish()
+    small = ["/pose", "/tf", "/metrics/none", "/metrics/bayes", "/metrics/paper"]
+    large = ["/evidence", "/map", "/map_without_prior"]
+    expected = [("/tf_static", START), ("/cells", START), ("/prior", START)]
+    for i in range(30):
+        topics = [*small, *(large if i % 3 == 0 or i == 29 else ())]
+        expected += [(topic, START + i * 100_000_001) for topic in topics]
+    with path.open("rb") as file:
+        read = NonSeekingReader(file, validate_crcs=True).iter_messages(log_time_order=False)
+        found = [(channel.topic, message.log_time) for _, channel, message in read]
+    assert found == expected
 
 
 class Tomorrow(datetime):
@@ -306,6 +330,15 @@ def test_channels_say_how_they_were_offered(tmp_path: Path) -> None:
             kept[connection.topic] = qos.durability.name == "TRANSIENT_LOCAL"
     latched = {"/tf_static", "/cells", "/prior", "/map", "/map_without_prior"}
     assert {topic for topic, yes in kept.items() if yes} == latched
+
+
+def test_the_header_says_who_wrote_it(tmp_path: Path) -> None:
+    from mcap.reader import make_reader
+
+    with write_run(tmp_path / "a.mcap").open("rb") as file:
+        header = make_reader(file, validate_crcs=True).get_header()
+    assert header.profile == "ros2"
+    assert header.library == f"plan-replay/{version('plan-replay')}"
 
 
 def test_a_broken_off_run_leaves_no_file(tmp_path: Path) -> None:
