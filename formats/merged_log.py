@@ -10,16 +10,16 @@ from formats.log import Container, Log, Message, Topic
 
 
 class Unpacked:
-    """A log over a temporary copy, which goes when it is closed."""
+    """A log over a temporary copy, which goes when it is closed; `size`: of what was copied."""
 
-    def __init__(self, log: Log, discard: Callable[[], None]) -> None:
-        self._log, self._discard = log, discard
+    def __init__(self, log: Log, discard: Callable[[], None], size: int) -> None:
+        self._log, self._discard, self._size = log, discard, size
         self.path = log.path
 
     @property
     def container(self) -> Container:
-        """Of the log inside, with the size of the file on disk."""
-        return replace(self._log.container, size=self.path.stat().st_size)
+        """Of the log inside, with the size of what was copied."""
+        return replace(self._log.container, size=self._size)
 
     def topics(self) -> list[Topic]:
         """Every topic."""

@@ -8,13 +8,14 @@ from hashlib import sha256
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
-from typing import Any, cast
+from typing import IO, Any, cast
 
 from formats.compression import open_stream, wrapper
-from formats.errors import FormatError, Kind, Notes, printable
+from formats.errors import FormatError, Kind, Notes, UsageError, printable
 from formats.errors import Path as Name
 from formats.log import Log
 from formats.merged_log import MergedLog, Unpacked
+from formats.standard_input import STDIN, copied
 
 # Container -> module with fits(path, head) and open_file(path, notes, max_chunk). One line each.
 READERS = {
@@ -53,7 +54,8 @@ def open_log(
     """Open a log, or several as one, merged by log time; the same content twice is read once.
 
     Args:
-        paths: files or rosbag2 folders; .zst, .gz, .bz2 and .lz4 of a log are unpacked first.
+        paths: files or rosbag2 folders; .zst, .gz, .bz2 and .lz4 of a log are unpacked first;
+            "-" is standard input.
         notes: where losses and oddities are counted.
         max_chunk: bytes that one compressed chunk may unpack to.
 
@@ -64,12 +66,16 @@ def open_log(
     files = [Path(path) for path in named]
     if not files:
         raise FormatError("", "no log given")
-    heads = [_head(path) for path in files]
-    kept = _without_copies(files, notes)
+    if files.count(STDIN) > 1:
+        raise UsageError(STDIN, "standard input is given twice", hint="it can be read once")
+    heads = [b"" if path == STDIN else _head(path) for path in files]
+    kept = _without_copies([path for path in files if path != STDIN], notes)
     logs: list[Log] = []
     try:
         for path, head in zip(files, heads, strict=True):
-            if path in kept:
+            if path == STDIN:
+                logs.append(_open_copy(copied(), STDIN, notes, max_chunk, packed=False))
+            elif path in kept:
                 kept.remove(path)
                 logs.append(_open_one(path, head, notes, max_chunk))
     except BaseException:
@@ -134,23 +140,32 @@ def _open_one(path: Path, head: bytes, notes: Notes, max_chunk: int) -> Log:
 
 def _open_wrapped(path: Path, notes: Notes, max_chunk: int) -> Log:
     """A log inside .zst, .gz, .bz2 or .lz4: unpacked to a temporary file that closes with it."""
-    file = open_stream(path, notes)
+    return _open_copy(open_stream(path, notes), path, notes, max_chunk, packed=True)
+
+
+def _open_copy(file: IO[bytes], path: Path, notes: Notes, max_chunk: int, *, packed: bool) -> Log:
+    """The log in a temporary copy of `path`; what it says, it says of `path`."""
     inner = Path(str(file.name))
+    renamed = _Renamed(notes, inner, path)
     try:
+        size = path.stat().st_size if packed else inner.stat().st_size
         head = file.read(HEAD)
         module = reader_of(inner, head)
-        if module is None:
+        if not packed and wrapper(head):
+            log = _open_wrapped(inner, renamed, max_chunk)
+        elif module is None:
             raise what_it_is(inner, head)
-        log = cast("Log", module.open_file(inner, _Renamed(notes, inner, path), max_chunk))
+        else:
+            log = cast("Log", module.open_file(inner, renamed, max_chunk))
     except FormatError as error:
         file.close()
-        problem = error.problem.replace("is ", "holds ", 1)
+        problem = error.problem.replace("is ", "holds ", 1) if packed else error.problem
         raise FormatError(path, problem, topic=error.topic, at=error.at, hint=error.hint) from None
     except BaseException:
         file.close()
         raise
     log.path = path
-    return Unpacked(log, file.close)
+    return Unpacked(log, file.close, size)
 
 
 class _Renamed(Notes):
