@@ -170,9 +170,11 @@ def report(alignment: Any) -> str:
     """Lines that a person reads."""
     lines = []
     for word, place in zip(["place"] + ["next"] * 9, alignment.places, strict=False):
+        x, y = place.matrix[:, 2]
+        mirrored = ", mirrored" if place.mirrored else ""
         lines.append(
-            f"{word:<8}scale {place.scale:.4g}, turned {place.turn_deg:.1f} deg"
-            f"{', mirrored' if place.mirrored else ''}, at {place.matrix[0, 2]:.1f} "
-            f"{place.matrix[1, 2]:.1f}   confidence {place.weight:.2f}   score {place.score:.2f}"
+            f"{word:<8}scale {place.scale:.4g}, turned {place.turn_deg:.1f} deg{mirrored}, "
+            f"at {x:.1f} {y:.1f}   score {place.score:.2f}"
         )
+    lines[0] += f"   confidence {alignment.confidence:.2f}"
     return "\n".join(lines)

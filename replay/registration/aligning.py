@@ -18,7 +18,7 @@ from formats.placement import Placement, write_placement
 from formats.plan_file import Plan, open_plan
 from replay.registration.overlay import candidates, overlay
 from replay.registration.placing import Pin, metres_of, pinned, placed, posed, seen_in
-from replay.registration.register import Alignment, Place, align, align_place
+from replay.registration.register import Alignment, align, align_place
 from replay.registration.seen import Doubles, Seen
 
 Source = str | PathLike[str]
@@ -97,14 +97,14 @@ def align_files(
         matrix = _posed(plan, plan_pose, map_picture) if plan_pose is not None else None
         if matrix is None:
             matrix = pinned(pins, metres=metres, mirrored=mirrored)
-        found = Alignment([align_place(seen, plan.wall, matrix)], 0.0)
+        found = Alignment([align_place(seen, plan.wall, matrix)], 1.0, 0.0)
     else:
         cells = _scale_in_cells(scale, plan, seen)
         if scale == "free":
             seen = replace(seen, resolution=None) if map_picture is not None else seen
         found = align(seen, plan.wall, scale=cells, mirrored=mirrored, name=str(source))
     found = replace(found, seconds=perf_counter() - started)
-    placement = _placement(found.best, found.confident, plan, source, map_picture)
+    placement = _placement(found, plan, source, map_picture)
     written = []
     if output is not None and found.confident:
         write_placement(output, placement, force=force, inputs=inputs)
@@ -149,11 +149,9 @@ def _scale_in_cells(scale: Scale, plan: Plan, seen: Seen) -> float | tuple[float
     return None
 
 
-def _placement(
-    best: Place, confident: bool, plan: Plan, source: Source, picture: Plan | None
-) -> Placement:
+def _placement(found: Alignment, plan: Plan, source: Source, picture: Plan | None) -> Placement:
     """In metres where the map's frame is known, else in the map's pixels."""
-    matrix, metric = best.matrix, True
+    matrix, metric = found.best.matrix, True
     if picture is not None:
         metres = metres_of(picture)
         metric = metres is not None
@@ -162,9 +160,9 @@ def _placement(
     return Placement(
         matrix,
         "metres" if metric else "pixels",
-        confident,
+        found.confident,
         plan.path.name,
         plan.inputs.get(str(plan.path), ""),
         Path(source).name,
-        {"confidence": best.weight, "score": best.score},
+        {"confidence": found.confidence, "score": found.best.score},
     )

@@ -11,7 +11,7 @@ import numpy as np
 from formats.errors import FormatError
 from replay.registration.polish import Bench, Fit
 from replay.registration.search import Candidate, search
-from replay.registration.seen import HERE, Doubles, Mask, Seen
+from replay.registration.seen import Doubles, Mask, Seen
 
 STEP = 1.045  # ratio of neighbouring scales
 SLACK = 1.04  # of a known scale: drift stretches maps
@@ -22,10 +22,14 @@ EACH, MOST, KEPT = 16, 120, 60  # candidates of each scale, of the only one, pol
 COARSE, FINE = (4.0, 3.0, 3.0, 2.0, 2.0), (3.0, 2.0, 2.0, 1.5, 1.5, 1.0, 1.0, 1.0, 1.0, 1.0)
 APART = 0.1  # of the map's diagonal: nearer places are one
 RUNNERS = 5
-# How sure: places compete by exp(score / HEAT), and with the case that the map is of another
-# building, which stands at the score NOWHERE; mirrored plans are one in twenty.
-HEAT, NOWHERE, MIRROR = 0.012, 0.5, float(np.log(20.0))
-SURE = 0.9
+MIRROR = 0.04  # what being mirrored costs of the score: plans seldom are
+# How sure, as a logistic of the lead over the next place, as a share of what the best one leaves
+# unexplained; fitted to 520 random buildings and maps (scripts/score_align.py), a fifth of which
+# are of another building and a fifth of near-copies side by side.
+OFFSET, GAIN = -1.7, 10.0
+ROOM, FULL = 0.96, 0.9  # a lead over a score above FULL says no more than over FULL
+NONE_LEFT = 0.3  # the lead where there is no other place
+SURE = 0.85
 
 
 @dataclass(frozen=True)
@@ -37,7 +41,6 @@ class Place:
         mirrored: the plan shows the building mirrored.
         score: 0 to 1, how well both pictures explain each other.
         explained: share of the occupied cells on walls; confirmed: share of the walls seen.
-        weight: posterior share among all places and none.
     """
 
     matrix: Doubles
@@ -45,7 +48,6 @@ class Place:
     score: float
     explained: float
     confirmed: float
-    weight: float
 
     @property
     def scale(self) -> float:
@@ -67,15 +69,15 @@ class Place:
             "y": float(self.matrix[1, 2]),
             "matrix": self.matrix.tolist(),
             "score": self.score,
-            "confidence": self.weight,
         }
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """Places, the likeliest first, and how long it took."""
+    """Places, the likeliest first; the probability that the first is right; how long it took."""
 
     places: list[Place]
+    confidence: float
     seconds: float = field(compare=False)
 
     @property
@@ -86,13 +88,14 @@ class Alignment:
     @property
     def confident(self) -> bool:
         """Whether it may be used unasked."""
-        return self.best.weight >= SURE
+        return self.confidence >= SURE
 
     def facts(self) -> dict[str, Any]:
         """What `--json` prints."""
         return {
             "confident": self.confident,
             **self.best.facts(),
+            "confidence": self.confidence,
             "runners_up": [place.facts() for place in self.places[1:]],
             "seconds": self.seconds,
         }
@@ -136,8 +139,9 @@ def align(
     fits = [f for f in fits if within[0] < f.scale < within[1]]
     if not fits:
         raise FormatError(name, "no place on the plan fits it at all")
-    places = weighed(distinct(fits, seen), seen.to_cells)
-    return Alignment(places[: 1 + RUNNERS], perf_counter() - started)
+    best = distinct(fits, seen)[: 1 + RUNNERS]
+    places = [_place(fit.matrix @ whole_of(seen), fit) for fit in best]
+    return Alignment(places, confidence([_rank(f) for f in best]), perf_counter() - started)
 
 
 def align_place(seen: Seen, walls: Mask, matrix: Doubles) -> Place:
@@ -148,10 +152,17 @@ def align_place(seen: Seen, walls: Mask, matrix: Doubles) -> Place:
         walls: (H, W) the plan's ink.
         matrix: (2, 3) as a place's.
     """
-    whole = np.vstack([seen.to_cells, [0.0, 0.0, 1.0]])
-    cells = matrix @ np.linalg.inv(whole)
-    fit = Bench(seen, walls).weigh(cells)
-    return Place(matrix, fit.mirrored, fit.score, fit.explained, fit.confirmed, 1.0)
+    fit = Bench(seen, walls).weigh(matrix @ np.linalg.inv(whole_of(seen)))
+    return _place(matrix, fit)
+
+
+def _place(matrix: Doubles, fit: Fit) -> Place:
+    return Place(matrix, fit.mirrored, fit.score, fit.explained, fit.confirmed)
+
+
+def whole_of(seen: Seen) -> Doubles:
+    """(3, 3) from the user's coordinates to cells."""
+    return np.vstack([seen.to_cells, [0.0, 0.0, 1.0]])
 
 
 def scale_range(seen: Seen, walls: Mask) -> tuple[float, float]:
@@ -188,7 +199,7 @@ def _varied(fits: list[Fit]) -> list[Fit]:
 
 def _rank(fit: Fit) -> float:
     """The score, less what being mirrored costs."""
-    return fit.score - (MIRROR * HEAT if fit.mirrored else 0.0)
+    return fit.score - (MIRROR if fit.mirrored else 0.0)
 
 
 def distinct(fits: list[Fit], seen: Seen) -> list[Fit]:
@@ -206,13 +217,8 @@ def distinct(fits: list[Fit], seen: Seen) -> list[Fit]:
     return [fit for fit, _ in chosen]
 
 
-def weighed(fits: list[Fit], to_cells: Doubles = HERE) -> list[Place]:
-    """Posterior shares of the places; what is missing to 1 is that none of them holds."""
-    ranks = np.array([_rank(fit) for fit in fits])
-    shares = np.exp((np.append(ranks, NOWHERE) - max(ranks.max(), NOWHERE)) / HEAT)
-    shares /= shares.sum()
-    whole = np.vstack([to_cells, [0.0, 0.0, 1.0]])
-    return [
-        Place(fit.matrix @ whole, fit.mirrored, fit.score, fit.explained, fit.confirmed, share)
-        for fit, share in zip(fits, shares.tolist(), strict=False)
-    ]
+def confidence(ranks: list[float]) -> float:
+    """Probability that the first place is right, from the scores of all of them, best first."""
+    lead = ranks[0] - ranks[1] if len(ranks) > 1 else NONE_LEFT
+    share = lead / (ROOM - min(ranks[0], FULL))
+    return float(1.0 / (1.0 + np.exp(-(OFFSET + GAIN * share))))

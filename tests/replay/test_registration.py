@@ -20,7 +20,7 @@ from formats.placement import Placement, read_placement
 from formats.plan_file import open_plan
 from replay.cli.align import command
 from replay.registration.placing import metres_of, pinned, placed, posed
-from replay.registration.register import Alignment, align
+from replay.registration.register import Alignment, align, confidence
 from replay.registration.search import matrix_of
 from replay.registration.seen import Seen, seen_in_log, seen_in_map
 from tests.pictures import pgm, png
@@ -360,9 +360,17 @@ def test_a_pin_has_a_form(tmp_path: Path, pin: str) -> None:
     assert "PLANX,PLANY=MAPX,MAPY" in result.stderr
 
 
-def test_confidence_is_of_all_places_and_none() -> None:
+def test_confidence_by_hand() -> None:
+    # lead 0.2 of the 0.36 that are left: -1.7 + 10 * 5 / 9 = 3.8556
+    assert confidence([0.6, 0.4, 0.1]) == pytest.approx(0.97928, abs=1e-5)
+    assert confidence([0.6, 0.6]) == pytest.approx(0.15447, abs=1e-5)
+    assert confidence([0.95, 0.93]) == pytest.approx(confidence([0.9, 0.88]))
+
+
+def test_places_are_apart_and_the_likeliest_comes_first() -> None:
     walls, seen, _ = case(FLAT, 1.1, 10.0, False, (0, 0, 0.6, 0.7))
     found = align(seen, walls)
     assert isinstance(found, Alignment)
-    assert sum(place.weight for place in found.places) <= 1.0 + 1e-12
-    assert found.places == sorted(found.places, key=lambda place: -place.weight)
+    assert len(found.places) > 1
+    assert all(off(p.matrix, found.best.matrix, seen) > 20.0 for p in found.places[1:])
+    assert found.best.score == max(place.score for place in found.places)
