@@ -122,10 +122,14 @@ def load(data: memoryview, block: Block, max_chunk: int) -> Loaded:
 
 
 def loaded(data: memoryview, blocks: Iterable[Block], max_chunk: int) -> Iterator[Loaded]:
-    """Each block's records in turn; decompression and CRC run ahead in two threads."""
+    """Each block's records in turn; decompression and CRC run ahead in a thread of their own.
+
+    One thread: chunks that come from several lie in memory of each one's own, which goes back to
+    the system and comes back page by page, at the cost of half a decompression.
+    """
     waiting: deque[Future[Loaded] | Block] = deque()
     source = iter(blocks)
-    with ThreadPoolExecutor(2) as pool:
+    with ThreadPoolExecutor(1) as pool:
         for block in source:
             small = max(block.size, block.stop - block.start) <= AHEAD_BYTES
             work = small and block.compression not in ("", "none")
