@@ -6,6 +6,7 @@ import bz2
 import gzip
 import sys
 import tempfile
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any, cast
@@ -40,7 +41,7 @@ DECOMPRESSORS: dict[str, Callable[[], Any]] = {
     "bz2": bz2.BZ2Decompressor,
 }
 # What the libraries raise on damaged data, as seen under random damage.
-DAMAGE = (zstd.ZstdError, RuntimeError, OSError, EOFError, ValueError, MemoryError)
+DAMAGE = (zstd.ZstdError, zlib.error, RuntimeError, OSError, EOFError, ValueError, MemoryError)
 
 WRAPPERS: dict[bytes, tuple[str, Callable[..., Any]]] = {
     b"\x28\xb5\x2f\xfd": ("zstd", zstd.open),

@@ -145,6 +145,21 @@ def test_cut_wrapped_file_gives_its_beginning_and_a_loss(kind: str, tmp_path: Pa
 
 
 @pytest.mark.parametrize("kind", list(PACK))
+def test_damaged_wrapped_file_is_a_loss_wherever_the_damage_is(kind: str, tmp_path: Path) -> None:
+    data = b"".join(b"%d\n" % (k * k) for k in range(2000))
+    packed = PACK[kind](data)
+    if kind == "lz4":  # without its checksum nothing can tell
+        packed = bytes(lz4.frame.compress(data, content_checksum=True))
+    path = tmp_path / "damaged"
+    for at in range(4, len(packed), 7):
+        path.write_bytes(packed[:at] + bytes([packed[at] ^ 0x5A]) + packed[at + 1 :])
+        notes = Notes()
+        with open_stream(path, notes) as file:
+            found = file.read()
+        assert notes.total("lost") or found == data
+
+
+@pytest.mark.parametrize("kind", list(PACK))
 def test_wrapped_bomb_stops_at_the_limit(kind: str, tmp_path: Path) -> None:
     path = tmp_path / "bomb"
     path.write_bytes(PACK[kind](bytes(50 * MIB)))
