@@ -157,5 +157,5 @@ def run(
 
 def stem(log: Path) -> str:
     """The name that a log's results go by: without `.mcap`, `.bag.gz` and the like."""
-    name = log.resolve().name
+    name = "stdin" if log == Path("-") else log.resolve().name
     return name.split(".")[0] or name
