@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import floor
+from math import ceil, floor
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +14,7 @@ from formats.grid import Geometry
 from formats.plan_file import Plan
 from replay.cells import cell_layers
 
-CELL = 0.05  # m: cells are whole pixels and at most this, where the pixels are not larger
+CELL = 0.05  # m: cells are at most this, and whole pixels or whole parts of a pixel
 MOST_CELLS = 100_000_000
 
 
@@ -23,8 +23,7 @@ class Field:
     """A plan as a field of distances.
 
     Attributes:
-        geometry: in the plan's own frame; cells are whole pixels of the plan, so its corner is not
-            on whole cells.
+        geometry: in the plan's own frame; its corner is the plan's, not on whole cells.
         distance: (rows, cols) float32 m to the nearest face of a wall, below 0 inside of walls; the
             mean over the cell. (A beam ends at a face: deep inside a thick wall nothing is seen.)
         free: (k,) flat indices of cells where the sensor may be: of the building, not wall.
@@ -69,21 +68,23 @@ def build_field(plan: Plan, notes: Notes | None = None) -> Field:
     """
     import cv2
 
-    wall = np.ascontiguousarray(plan.wall[::-1])  # row 0 lowest
-    step = max(1, floor(CELL / plan.scale + 1e-6))
-    rows, cols = (-(-size // step) for size in wall.shape)
+    parts = max(1, ceil(plan.scale / CELL - 1e-6))  # of a pixel, along a side
+    pixel = plan.scale / parts
+    step = max(1, floor(CELL / pixel + 1e-6))
+    rows, cols = (-(-size * parts // step) for size in plan.occupancy.shape)
     if rows * cols > MOST_CELLS:
         raise FormatError(plan.path, f"{rows * cols:,} cells are too many to localise on")
-    outside, inside = (
-        cv2.distanceTransform(part.view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-        for part in (~wall, wall)
-    )
+    wall = np.kron(plan.wall[::-1], np.ones((parts, parts), dtype=bool))  # row 0 lowest
     # Distances are between centres of pixels: a face lies half a pixel before.
-    distance = np.where(wall, 0.5 - inside, outside - 0.5)
+    distance = cv2.distanceTransform((~wall).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    np.subtract(distance, 0.5, out=distance)
+    within = cv2.distanceTransform(wall.view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    np.subtract(0.5, within, out=distance, where=wall)
+    del within  # as large as the plan
     ragged = ((0, rows * step - wall.shape[0]), (0, cols * step - wall.shape[1]))
     blocks = np.pad(distance, ragged, mode="edge").reshape(rows, step, cols, step)
-    mean = blocks.mean(axis=(1, 3)) * plan.scale
-    geometry = Geometry(rows, cols, step * plan.scale, *plan.corner)
+    mean = blocks.mean(axis=(1, 3)) * pixel
+    geometry = Geometry(rows, cols, step * pixel, *plan.corner)
     layers = cell_layers(plan, geometry, notes=notes)
     free = np.flatnonzero(layers.footprint & (layers.wall == 0))
     if not free.size:

@@ -20,6 +20,7 @@ from replay.localise.likelihood import (
 )
 from tests.worlds import world_png
 
+CELL = 0.05
 ROOM = """
 ##########
 #........#
@@ -32,8 +33,8 @@ ROOM = """
 
 @pytest.fixture
 def room(tmp_path: Path) -> Field:
-    """10 x 6 pixels of 0.1 m."""
-    return build_field(open_plan(world_png(tmp_path / "room.png", ROOM), Notes(), resolution=0.1))
+    """10 x 6 pixels, each a cell."""
+    return build_field(open_plan(world_png(tmp_path / "room.png", ROOM), Notes(), resolution=CELL))
 
 
 def scan(ranges: list[float], near: float = 0.1, far: float = 10.0) -> Scan:
@@ -55,12 +56,12 @@ def test_distances_are_those_of_the_nearest_face_of_a_wall(room: Field) -> None:
     wall = {(r, c) for r, line in enumerate(rows) for c, cell in enumerate(line) if cell == "#"}
     for row in range(6):
         for col in range(10):
-            expected = 0.1 * slow_distance(wall, row, col)
+            expected = CELL * slow_distance(wall, row, col)
             assert room.distance[row, col] == pytest.approx(expected, abs=1e-6)
     assert set(room.free.tolist()) == {
         r * 10 + c for r in range(6) for c in range(10) if (r, c) not in wall
     }
-    assert room.area == pytest.approx((8 * 4 - 2) * 0.01)
+    assert room.area == pytest.approx((8 * 4 - 2) * CELL**2)
 
 
 def test_fine_pixels_join_into_cells_of_whole_pixels(tmp_path: Path) -> None:
@@ -73,6 +74,14 @@ def test_fine_pixels_join_into_cells_of_whole_pixels(tmp_path: Path) -> None:
     assert field.geometry.resolution == pytest.approx(0.04)
     # pixels (2, 2), (2, 3), (3, 2), (3, 3): 2, 2, 2 and 3 pixels from the wall's centres
     assert field.distance[1, 1] == pytest.approx(0.02 * ((2 + 2 + 2 + 3) / 4 - 0.5))
+
+
+def test_coarse_pixels_are_parted(tmp_path: Path) -> None:
+    plan = open_plan(world_png(tmp_path / "p.png", "#...\n#...\n#...\n"), Notes(), resolution=0.12)
+    field = build_field(plan)
+    assert (field.geometry.rows, field.geometry.cols) == (9, 12)
+    assert field.geometry.resolution == pytest.approx(0.04)
+    assert field.distance[4] == pytest.approx([0.04 * (k - 2.5) for k in range(12)])
 
 
 def test_a_plan_without_room_or_size_is_refused(tmp_path: Path) -> None:
@@ -91,7 +100,7 @@ def test_a_plan_without_room_or_size_is_refused(tmp_path: Path) -> None:
 
 def test_scattered_poses_lie_in_free_space_and_cover_it(room: Field) -> None:
     poses = room.scatter(3000, np.random.default_rng(3))
-    cols, rows = ((poses[:, :2]) / 0.1).astype(int).T
+    cols, rows = ((poses[:, :2]) / CELL).astype(int).T
     cells, counts = np.unique(rows * 10 + cols, return_counts=True)
     assert cells.tolist() == sorted(room.free.tolist())
     assert counts.min() >= 99  # 3000 poses in 30 cells, stratified
@@ -125,9 +134,9 @@ def test_likelihood_field_equals_the_formula_beam_by_beam(room: Field) -> None:
         room, z_hit=z_hit, z_rand=z_rand, sigma_hit=sigma, laser_likelihood_max_dist=most
     )
     particles = np.column_stack(
-        [rng.uniform(-0.4, 1.4, 40), rng.uniform(-0.4, 1.0, 40), rng.uniform(-7, 7, 40)]
+        [rng.uniform(-0.2, 0.7, 40), rng.uniform(-0.2, 0.5, 40), rng.uniform(-7, 7, 40)]
     )
-    bearings, ranges = rng.uniform(-pi, pi, 7), rng.uniform(0.1, 0.8, 7)
+    bearings, ranges = rng.uniform(-pi, pi, 7), rng.uniform(0.05, 0.4, 7)
     reading = Reading(Pose(0.05, -0.02, 0.3), bearings, ranges, 5.0)
     costs = model.costs(particles, reading)
     beyond = 0
@@ -136,7 +145,7 @@ def test_likelihood_field_equals_the_formula_beam_by_beam(room: Field) -> None:
         for b, r in zip(bearings, ranges, strict=True):
             px = x + cos(yaw) * 0.05 + sin(yaw) * 0.02 + r * cos(yaw + b)
             py = y + sin(yaw) * 0.05 - cos(yaw) * 0.02 + r * sin(yaw + b)
-            row, col = int(np.floor(py / 0.1)), int(np.floor(px / 0.1))
+            row, col = int(np.floor(py / CELL)), int(np.floor(px / CELL))
             inside = 0 <= row < 6 and 0 <= col < 10
             beyond += not inside
             d = min(abs(float(room.distance[row, col])), most) if inside else most
@@ -148,23 +157,23 @@ def test_likelihood_field_equals_the_formula_beam_by_beam(room: Field) -> None:
 
 def test_expected_range_finds_the_wall(room: Field) -> None:
     # in cells: from (1.5, 2.05) along x to the block at columns 4 and 5 of row 2
-    found = expected_range(room.distance, 0.1, 1.5, 2.05, 0.0, 10.0)
-    assert found == pytest.approx(0.25, abs=0.06)
-    assert expected_range(room.distance, 0.1, 1.5, 1.5, 0.0, 10.0) == pytest.approx(0.75, abs=0.06)
-    assert expected_range(room.distance, 0.1, 1.5, 1.5, 0.0, 0.3) == 0.3
-    assert expected_range(room.distance, 0.1, 30.0, 1.5, 0.0, 4.0) == 4.0
+    found = expected_range(room.distance, CELL, 1.5, 2.05, 0.0, 10.0)
+    assert found == pytest.approx(0.125, abs=0.03)
+    assert expected_range(room.distance, CELL, 1.5, 1.5, 0.0, 9.0) == pytest.approx(0.375, abs=0.03)
+    assert expected_range(room.distance, CELL, 1.5, 1.5, 0.0, 0.2) == 0.2
+    assert expected_range(room.distance, CELL, 30.0, 1.5, 0.0, 4.0) == 4.0
 
 
 def test_beam_model_equals_the_formula(room: Field) -> None:
     model = BeamModel(
         room, z_hit=0.5, z_short=0.1, z_max=0.05, z_rand=0.4, sigma_hit=0.2, lambda_short=0.3
     )
-    particles = np.array([[0.15, 0.15, 0.0], [0.75, 0.45, pi]])
-    reading = Reading(Pose(0.0, 0.0, 0.0), np.array([0.0, pi / 2]), np.array([0.3, 0.6]), 5.0)
+    particles = np.array([[0.075, 0.075, 0.0], [0.375, 0.225, pi]])
+    reading = Reading(Pose(0.0, 0.0, 0.0), np.array([0.0, pi / 2]), np.array([0.2, 0.3]), 5.0)
     for (x, y, yaw), cost in zip(particles, model.costs(particles, reading), strict=True):
         total = 0.0
-        for b, r in zip((0.0, pi / 2), (0.3, 0.6), strict=True):
-            wanted = expected_range(room.distance, 0.1, x / 0.1, y / 0.1, yaw + b, 5.0)
+        for b, r in zip((0.0, pi / 2), (0.2, 0.3), strict=True):
+            wanted = expected_range(room.distance, CELL, x / CELL, y / CELL, yaw + b, 5.0)
             p = 0.5 * exp(-0.5 * ((r - wanted) / 0.2) ** 2) + 0.4 / 5.0
             p += 0.1 * 0.3 * exp(-0.3 * r) if r < wanted else 0.0
             total += log(0.5 + 0.1 * 0.3 + 0.4 / 5.0) - log(p)

@@ -1,0 +1,185 @@
+from __future__ import annotations
+
+from math import pi, radians
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from formats.errors import Notes, UsageError
+from formats.frame import Floats, Pose
+from formats.plan_file import Plan, open_plan
+from formats.stream import open_log, survey
+from replay.localise.estimate import settled
+from replay.localise.localising import LOCALISERS, localise
+from replay.localise.poses import Poses
+from tests.localising import CELL, MOUNT, OFFICE, TOUR, drifting, drive, way
+from tests.ros_logs import RosLog
+from tests.worlds import world_png
+
+ORIGIN = Pose(12.0, -7.0, 0.4)  # of the picture's corner, in the yaml's frame
+
+
+def log_of(truth: list[Pose]) -> RosLog:
+    """Odometry in tf, a lidar of 270 degrees on its mounting."""
+    log = RosLog()
+    log.static("base_link", "laser", tuple(MOUNT))
+    said = drifting(truth)
+    for k, sighting in enumerate(drive(OFFICE, truth, said)):
+        log.tf(k / 10, "odom", "base_link", tuple(said[k]))
+        log.scan(
+            k / 10,
+            sighting.scan.ranges,
+            angle_min=-0.75 * pi,
+            increment=1.5 * pi / 89,
+            range_min=0.05,
+            range_max=12.0,
+        )
+    return log
+
+
+@pytest.fixture
+def plan(tmp_path: Path) -> Plan:
+    return open_plan(world_png(tmp_path / "p.png", OFFICE), Notes(), resolution=CELL, origin=ORIGIN)
+
+
+def off(found: Poses, truth: list[Pose]) -> tuple[Floats, Floats]:
+    """m and rad at every frame, in the frame of the plan's yaml."""
+    wanted = np.array([ORIGIN @ pose @ MOUNT for pose in truth[: len(found.times_ns)]])
+    error = found.poses - wanted
+    return np.hypot(error[:, 0], error[:, 1]), np.abs(np.mod(error[:, 2] + pi, 2 * pi) - pi)
+
+
+def test_poses_of_the_sensor_come_in_the_frame_of_the_plan_s_yaml(plan: Plan) -> None:
+    truth = way(TOUR)
+    notes = Notes()
+    found = survey(log_of(truth).opened(), notes)
+    poses = localise(found, plan, seed=1, notes=notes)
+    places, turns = off(poses, truth)
+    assert len(poses.times_ns) == len(found)
+    assert np.sqrt(np.mean(places**2)) < 0.08
+    assert places.max() < 0.25
+    assert turns.max() < radians(8)
+    assert 0 < poses.settled < len(found) / 2
+    assert len(poses.particles) == len(poses.updates) < len(found) / 2
+    assert poses.covariances.shape == (len(found), 3, 3)
+    assert poses.covariances[0, 0, 0] > 1.0  # from anywhere
+    assert settled(poses.covariances[-1])
+    said = [note.problem for note in notes if "amcl" in note.problem]
+    seconds = (found.times_ns[poses.settled] - found.times_ns[0]) / 1e9
+    assert said == [f"poses from amcl on the plan, certain after {seconds:.1f} s"]
+
+
+def test_a_start_is_a_pose_of_the_body_in_that_frame(plan: Plan) -> None:
+    truth = way(TOUR)[:50]
+    found = survey(log_of(truth).opened(), Notes())
+    start = ORIGIN @ truth[0] @ Pose(0.1, -0.1, 0.05)
+    poses = localise(found, plan, start=start, covariance=np.diag([0.04, 0.04, 0.01]))
+    assert poses.settled == 0
+    assert off(poses, truth)[0].max() < 0.15
+
+
+def test_the_covariance_is_turned_with_the_plan(plan: Plan) -> None:
+    """An error along the yaml's x axis only, before any reading says more."""
+    truth = way(TOUR)[:5]
+    found = survey(log_of(truth).opened(), Notes())
+    wide = np.diag([0.25, 1e-6, 1e-6])
+    poses = localise(
+        found,
+        plan,
+        start=ORIGIN @ truth[0],
+        covariance=wide,
+        effective_beams=1e-6,
+        max_particles=5000,
+    )
+    deviations = np.sqrt(np.diag(poses.covariances[0]))
+    assert deviations[:2] == pytest.approx([0.5, 0.001], rel=0.05)
+
+
+def test_what_cannot_be_is_said(plan: Plan) -> None:
+    found = survey(log_of(way(TOUR)[:5]).opened(), Notes())
+    with pytest.raises(UsageError, match="no such localiser; there are amcl"):
+        localise(found, plan, method="guess")
+
+
+def test_never_certain_is_a_warning(plan: Plan) -> None:
+    truth = [Pose(2.0, 1.4, 0.0)] * 3
+    found = survey(log_of(truth).opened(), Notes())
+    notes = Notes()
+    poses = localise(found, plan, notes=notes, effective_beams=0.01)
+    assert poses.settled == len(found)
+    assert [note.kind for note in notes if "never was certain" in note.problem] == ["warning"]
+
+
+def test_every_localiser_is_tested() -> None:
+    assert set(LOCALISERS) == {"amcl"}
+
+
+def jarvis(shared_data: Path, seeds: range) -> list[float]:
+    """RMSE (m) against measured poses from when the filter is certain, inf where it never is."""
+    notes = Notes()
+    log = open_log(shared_data / "bags/crob_lab/jarvis_circular_path_fast.bag", notes)
+    scan = "/driver_laser_navigation/laser_scan"
+    found = survey(log, notes, scan=scan, map_frame="odom")
+    truth = survey(
+        log,
+        notes,
+        scan=scan,
+        pose="/pose_ground_truth",
+        pose_delay=0.135,
+        sensor_pose=found.choice.sensor_pose,
+    )
+    plan = open_plan(
+        shared_data / "maps/crob_lab/i-108_10mm.pgm",
+        notes,
+        origin=Pose(-14.5115, -3.7328, 0.02681),
+    )
+    rmse = []
+    for seed in seeds:
+        poses = localise(found, plan, seed=seed)
+        _, i, j = np.intersect1d(poses.times_ns, truth.times_ns, return_indices=True)
+        error = np.hypot(*(poses.poses[i] - truth.poses[j])[:, :2].T)[i >= poses.settled]
+        rmse.append(float(np.sqrt(np.mean(error**2))) if error.size > 100 else np.inf)
+    log.close()
+    return rmse
+
+
+def test_jarvis_is_found_on_the_drawn_plan(shared_data: Path) -> None:
+    assert max(jarvis(shared_data, range(2))) < 0.10
+
+
+@pytest.mark.slow
+def test_jarvis_is_found_from_nine_of_ten_seeds(shared_data: Path) -> None:
+    rmse = jarvis(shared_data, range(10))
+    assert sum(error < 0.10 for error in rmse) >= 9
+
+
+def test_the_turtlebot_sees_the_walls_of_its_map(shared_data: Path) -> None:
+    import cv2
+
+    notes = Notes()
+    log = open_log(shared_data / "bags/olin_mac_floor1/macfirst_floor_take_2", notes)
+    plan = open_plan(shared_data / "bags/olin_mac_floor1/maps/mac_1st_floor_final.yaml", notes)
+    found = survey(log, notes)
+    poses = localise(found, plan, seed=3)
+    distance = plan.scale * cv2.distanceTransform(
+        (~plan.wall).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE
+    )
+    near = []
+    for frame, pose in zip(found.frames(), poses.poses, strict=True):
+        if frame.time_ns < found.times_ns[0] + 10e9:
+            continue
+        r = frame.scan.ranges.astype(float)
+        good = (r > frame.scan.min_range) & (r < frame.scan.max_range)
+        b = frame.scan.bearings[good]
+        ends = (plan.origin.inverse() @ Pose(*pose)).apply(
+            np.column_stack([r[good] * np.cos(b), r[good] * np.sin(b)])
+        )
+        cols, rows = np.floor(ends / plan.scale).astype(int).T
+        rows = distance.shape[0] - 1 - rows
+        inside = (cols >= 0) & (cols < distance.shape[1]) & (rows >= 0) & (rows < len(distance))
+        hits = np.zeros(len(ends), dtype=bool)
+        hits[inside] = distance[rows[inside], cols[inside]] <= 0.15
+        near.append(hits)
+    log.close()
+    assert np.concatenate(near).mean() >= 0.80
