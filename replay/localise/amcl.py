@@ -20,6 +20,7 @@ from replay.localise.resampling import enough, systematic
 
 PER_M2 = 1000.0  # poses tried on each m² of free space at a global start
 MOST_TRIED = 300_000
+HALF = 0.5  # of the beams' weight until the particles agree
 FIRST = 10  # readings that say how well they fit when all is well
 WORSE = 0.15  # share by which readings fit less than before, below which nothing is wrong
 TRIES = 50  # poses for each particle that is drawn anew
@@ -37,14 +38,14 @@ class Parameters:
         resample_interval: updates.
         recovery_alpha_slow, recovery_alpha_fast: of the mean likelihood; 0 and 0 for no recovery,
             as nav2 has it, which suggests these values.
-        effective_beams: what the beams of one scan weigh together, since they are not independent
-            (ours; nav2 sums cubes instead).
+        effective_beams: what the beams of one scan weigh together, since they are not independent;
+            half as much until settled (ours; nav2 sums cubes instead).
     """
 
     alphas: Alphas = Alphas()  # noqa: RUF009 (a tuple is immutable)
     min_particles: int = 500
     max_particles: int = 2000
-    global_particles: int = 20_000
+    global_particles: int = 100_000
     pf_err: float = 0.05
     pf_z: float = 0.99
     resample_interval: int = 1
@@ -60,6 +61,8 @@ class Amcl:
         field: of the plan.
         model: of the sensor.
         parameters: see Parameters.
+        coarse: of the sensor until the particles agree; None: `model`. Few particles lie near
+            enough to the truth at first for a sharp model to know them.
         start: in the plan's own frame; None: anywhere on the plan.
         seed: the same one gives the same bits.
 
@@ -75,10 +78,12 @@ class Amcl:
         model: Model,
         parameters: Parameters | None = None,
         *,
+        coarse: Model | None = None,
         start: Estimate | None = None,
         seed: int = 0,
     ) -> None:
         self.field, self.model, self.parameters = field, model, parameters or Parameters()
+        self._coarse = coarse or model
         self._rng = np.random.default_rng(seed)
         self._odometry: Pose | None = None
         self._updates, self._weighed, self._lost = 0, 0, start is None
@@ -115,7 +120,8 @@ class Amcl:
         return self.estimate
 
     def _weigh(self, reading: Reading) -> None:
-        costs = self.model.costs(self.particles, reading)
+        model = self._coarse if self._lost else self.model
+        costs = model.costs(self.particles, reading)
         self.weights *= self._likelihoods(costs, reading)
         self.weights /= self.weights.sum()
         # Of a beam, over the particles as they are weighed now: over those of before, as in the
@@ -131,7 +137,8 @@ class Amcl:
 
     def _likelihoods(self, costs: Costs, reading: Reading) -> Floats:
         """Relative to the best particle, tempered to the effective number of beams."""
-        temper = min(1.0, self.parameters.effective_beams / reading.ranges.size)
+        trust = HALF if self._lost else 1.0
+        temper = min(1.0, trust * self.parameters.effective_beams / reading.ranges.size)
         return np.exp((costs.min() - costs) * (temper / UNIT))
 
     def _resample(self, reading: Reading) -> None:

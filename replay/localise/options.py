@@ -15,7 +15,8 @@ class Options(TypedDict, total=False):
         max_beams: of each scan.
         laser_min_range, laser_max_range: m; -1 for the sensor's own.
         z_hit, z_short, z_max, z_rand: shares of beams; short and max of the beam model only.
-        sigma_hit: m; 0.1, since nav2's 0.2 lets clutter before the walls pull at the pose.
+        sigma_hit: m; 0.1, since nav2's 0.2 lets clutter before the walls pull at the pose; doubled
+            until the particles agree.
         lambda_short: 1/m.
         laser_likelihood_max_dist: m.
         alpha1, alpha2, alpha3, alpha4: noise of the odometry, see motion.Alphas.
@@ -78,6 +79,6 @@ DEFAULTS: Options = {
     "resample_interval": 1,
     "recovery_alpha_slow": 0.001,
     "recovery_alpha_fast": 0.1,
-    "global_particles": 20_000,
+    "global_particles": 100_000,
     "effective_beams": 12.0,
 }

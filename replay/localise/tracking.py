@@ -78,7 +78,8 @@ def amcl(
     forward.
     """
     model, settings = sensor_model(field, options), parameters(options)
-    ahead = Amcl(field, model, settings, start=start, seed=seed)
+    coarse = sensor_model(field, {**options, "sigma_hit": 2.0 * options["sigma_hit"]})
+    ahead = Amcl(field, model, settings, coarse=coarse, start=start, seed=seed)
     used: list[Used] = []
     found: list[Estimate] = []
     particles: list[int] = []

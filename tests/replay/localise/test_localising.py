@@ -64,7 +64,8 @@ def test_poses_of_the_sensor_come_in_the_frame_of_the_plan_s_yaml(plan: Plan) ->
     assert len(poses.particles) == len(poses.updates) < len(found) / 2
     assert poses.covariances.shape == (len(found), 3, 3)
     assert poses.covariances[0, 0, 0] > 1.0  # from anywhere
-    assert settled(poses.covariances[-1])
+    assert settled(poses.covariances[poses.settled])
+    assert not settled(poses.covariances[poses.settled - 1])
     said = [note.problem for note in notes if "amcl" in note.problem]
     seconds = (found.times_ns[poses.settled] - found.times_ns[0]) / 1e9
     assert said == [f"poses from amcl on the plan, certain after {seconds:.1f} s"]
