@@ -109,7 +109,8 @@ def deskewed(scan: Scan, first: Pose, last: Pose) -> Scan:
     from formats.sensing_kernels import deskew
 
     # A copy may be written to, as other scans: kernels are compiled once more for those that not.
-    bearings, ranges = deskew(scan.bearings, scan.ranges.copy(), *first, *last)
+    limits = float(scan.min_range), float(scan.max_range)
+    bearings, ranges = deskew(scan.bearings, scan.ranges.copy(), *first, *last, *limits)
     turned = 1.0 + (last.yaw - first.yaw) / float(scan.bearings[-1] - scan.bearings[0])
     widths = scan.widths * max(turned, 0.1)
     return Scan(bearings, widths, ranges, scan.min_range, scan.max_range)

@@ -23,6 +23,8 @@ def deskew(
     x1: float,
     y1: float,
     yaw1: float,
+    near: float,
+    far: float,
 ) -> tuple[Floats, Ranges]:
     """End points of evenly spaced beams as seen from the middle pose.
 
@@ -31,6 +33,7 @@ def deskew(
         ranges: (n,) m.
         x0, y0, yaw0: pose of the sensor at beam 0, in its pose at the middle beam.
         x1, y1, yaw1: likewise at beam n - 1; from each to the middle the motion is even.
+        near, far: m; ranges below `near`, and from `far` on, are codes and no distances: kept.
     """
     n = len(bearings)
     turned, moved = np.empty(n), np.empty(n, dtype=np.float32)
@@ -52,7 +55,7 @@ def deskew(
         else:  # turn on by one beam: many times as fast as a cosine and a sine
             c, s = c * dc - s * ds, s * dc + c * ds
         turned[i], moved[i] = angle, ranges[i]
-        if r > 0.0 and r < math.inf:
+        if r > 0.0 and r >= near and r < far:
             ahead, aside = r + x * c + y * s, y * c - x * s
             slope = aside / ahead
             if ahead > 0.0 and abs(slope) < 0.1:  # the series is exact to 2e-10 rad

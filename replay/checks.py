@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -184,9 +184,11 @@ class Seen:
 
 
 def seen(drive: Drive) -> list[Check]:
-    """Beams, ranges, repeated readings and units, as the mapper would get them."""
+    """Beams, ranges, repeated readings and units, of the scans that the mapper would get."""
     found = Seen()
-    for frame in drive.frames():
+    # De-skewed ranges would hide a sensor that says the same again and again.
+    raw = replace(drive, sweeps_ns=np.zeros_like(drive.sweeps_ns), _blocks={})
+    for frame in raw.frames():
         scan = frame.scan
         found.add(scan.ranges, scan.min_range, scan.max_range)
     beams = max(found.beams, 1)

@@ -100,7 +100,7 @@ class Tallied:
         known = self.topics()
         wanted = {_kind(topic) for topic in (known if topics is None else topics)}
         found = {_kind(topic): Tally(topic) for topic in known}
-        self.tallies = list(found.values())
+        self.tallies = []
         # Hashing a topic with its definition is slow; the objects live as long as this table.
         table: dict[int, tuple[Callable[[int, bytes | memoryview], None], bool, Topic]] = {}
         for message in self._log.messages():
@@ -108,10 +108,12 @@ class Tallied:
             entry = table.get(id(topic))
             if entry is None:
                 key = _kind(topic)
-                entry = table[id(topic)] = found[key].taker(), key in wanted, topic
+                tally = found.setdefault(key, Tally(topic))
+                entry = table[id(topic)] = tally.taker(), key in wanted, topic
             entry[0](time_ns, data)
             if entry[1]:
                 yield message
+        self.tallies = list(found.values())
         self._whole = True
 
     def count(self) -> list[Tally]:

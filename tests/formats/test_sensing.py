@@ -116,6 +116,21 @@ def test_deskewed_frames_are_of_the_middle_of_the_sweep() -> None:
     assert plain.poses[0, 0] == pytest.approx(0.2)
 
 
+def test_codes_that_are_no_distances_stay_codes_when_deskewed() -> None:
+    """A 0.01 below range_min, or a no-return of range_max, moved by 2 cm would be a wall."""
+    codes = [0.01, 10.0, 2.0, 0.01, 10.0]
+    log = RosLog()
+    log.static("base_link", "laser", (0.2, 0.0, 0.0))
+    for k in range(5):
+        log.tf(k / 10, "odom", "base_link", (0.1 * k, 0.0, 0.0))
+        log.scan(k / 10, codes, time_increment=0.01)
+    log.tf(0.5, "odom", "base_link", (0.5, 0.0, 0.0))
+    kept = [0, 1, 3, 4]
+    expected = np.array(codes, dtype=np.float32)[kept]
+    for frame in surveyed(log)[0].frames():
+        np.testing.assert_array_equal(frame.scan.ranges[kept], expected)
+
+
 def test_an_absurd_time_increment_is_ignored_with_one_warning() -> None:
     log = drive(time_increment=153333.0)
     found, _ = surveyed(log)

@@ -121,6 +121,17 @@ def frozen() -> RosLog:
     return drive()  # the same five ranges 20 times
 
 
+def frozen_on_the_move() -> RosLog:
+    """Faster and faster: `run` de-skews each scan by another motion."""
+    log = RosLog()
+    log.static("base_link", "laser", (0.2, 0.0, 0.0))
+    for k in range(21):
+        log.tf(k / 10, "map", "base_link", (0.01 * k * k, 0.0, 0.0))
+        if k < 20:
+            log.scan(k / 10, [1.0, 2.0, 3.0, 4.0, 5.0], time_increment=0.02)
+    return log
+
+
 def millimetres() -> RosLog:
     log = good()
     log.happened = [row for row in log.happened if row[1] != "/scan"]
@@ -160,6 +171,7 @@ FAULTS: dict[str, tuple[Callable[[], RosLog], str, str]] = {
     "teleport": (teleport, "jumps", "1 in the poses"),
     "uncovered": (uncovered, "poses", "40 of 42 scans"),
     "frozen": (frozen, "fresh", "19 of 20 scans have the ranges of the one before"),
+    "frozen on the move": (frozen_on_the_move, "fresh", "19 of 20 scans"),
     "millimetres": (millimetres, "ranges", "are these metres?"),
     "blind": (blind, "ranges", "1% returns, 99% saw nothing"),
     "unstamped": (unstamped, "stamps", "all 0, log times count"),
