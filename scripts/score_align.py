@@ -13,6 +13,7 @@ import os
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from statistics import median
 from time import process_time
@@ -132,7 +133,7 @@ def random(first: int, last: int) -> int:
         true.append(one.matrix is not None and _off(seen, found.best.matrix, one.matrix) < 0.05)
     said_by, right = np.array(said), np.array(true)
     print(f"{'said':>12}{'cases':>7}{'mean said':>11}{'right':>7}")
-    for low, high in zip(BINS[:-1], BINS[1:], strict=True):
+    for low, high in pairwise(BINS):
         some = (said_by >= low) & (said_by < high)
         if some.any():
             bounds = f"{low:.2f}-{min(high, 1.0):.2f}"

@@ -26,10 +26,10 @@ MIRROR = 0.04  # what being mirrored costs of the score: plans seldom are
 # How sure, as a logistic of the lead over the next place, as a share of what the best one leaves
 # unexplained; fitted to 520 random buildings and maps (scripts/score_align.py), a fifth of which
 # are of another building and a fifth of near-copies side by side.
-OFFSET, GAIN = -1.7, 10.0
-ROOM, FULL = 0.96, 0.9  # a lead over a score above FULL says no more than over FULL
+OFFSET, GAIN = -1.75, 11.8
+ROOM, FULL = 0.978, 0.9  # a lead over a score above FULL says no more than over FULL
 NONE_LEFT = 0.3  # the lead where there is no other place
-SURE = 0.85
+SURE = 0.8
 
 
 @dataclass(frozen=True)
