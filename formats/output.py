@@ -6,6 +6,7 @@ import contextlib
 import errno
 import os
 import secrets
+import shutil
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -49,10 +50,11 @@ def check_output(path: AnyPath, *, force: bool = False, inputs: Iterable[AnyPath
     target = Path(path)
     try:
         _check_folder(target)
+        real = Path(os.path.realpath(target))  # unlike resolve(), at ease with links in a circle
         for source in map(Path, inputs):
-            if target.resolve() == source.resolve() or _same_file(target, source):
+            if real == Path(os.path.realpath(source)) or _same_file(target, source):
                 raise FormatError(path, "the output is also an input", hint=RENAME)
-            if source.is_dir() and target.resolve().is_relative_to(source.resolve()):
+            if source.is_dir() and real.is_relative_to(os.path.realpath(source)):
                 raise FormatError(path, f"the output lies inside the input {source}", hint=RENAME)
         if target.is_dir():
             raise FormatError(path, "is a folder", hint="give the name of a file")
@@ -62,6 +64,17 @@ def check_output(path: AnyPath, *, force: bool = False, inputs: Iterable[AnyPath
             _must_be_new(target)
     except OSError as error:
         raise cannot_write(path, error) from error
+
+
+def check_room(path: AnyPath, least: int) -> None:
+    """Refuse an output whose disk has fewer than `least` bytes free.
+
+    Raises:
+        FormatError: it has not.
+    """
+    if shutil.disk_usage(Path(path).parent).free < least:
+        problem, hint = REASONS[errno.ENOSPC]
+        raise FormatError(path, problem, hint=hint)
 
 
 def _check_folder(target: Path) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from math import inf
 from os import PathLike
+from os.path import realpath
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -38,6 +39,7 @@ def run(
     rrd: Source | None = None,
     view: bool = False,
     connect: str | None = None,
+    align: Source | None = None,
     notes: Notes | None = None,
     progress: Callable[[int, int], None] | None = None,
     say: Callable[[str], object] = print,
@@ -53,6 +55,8 @@ def run(
         force: replace outputs that exist.
         rrd: a recording for Rerun.
         view, connect: stream to a viewer, a new one or the one at an address.
+        align: a placement that `replay align` wrote; without one, and without a place of its own,
+            the plan is laid under the log here.
         notes: gets what was odd, skipped or lost.
         progress: is told (done, expected) scans.
         say: is told when the viewer is gone.
@@ -70,12 +74,12 @@ def run(
     if chosen["sensor"] not in MODELS:
         hint = f"there are {', '.join(MODELS)}"
         raise UsageError(chosen["sensor"], "no such sensor model", hint=hint)
-    inputs = [*sources, *(Path(path) for path in (prior, truth) if path)]
+    inputs = [*sources, *(Path(path) for path in (prior, truth, align) if path)]
     out = Path(output) if output else Path(f"{stem(sources[0])}.replay.mcap")
     written = [out, *([Path(rrd)] if rrd else [])]
     for path in written:
         check_output(path, force=force, inputs=inputs)
-    if rrd and Path(rrd).resolve() == out.resolve():
+    if rrd and realpath(rrd) == realpath(out):
         raise UsageError(rrd, "the recording and the result are one file", hint="name another")
     scale, corner = chosen["plan_resolution"], chosen["plan_origin"]
     plan = open_plan(prior, notes, resolution=scale, origin=corner) if prior else None
@@ -87,14 +91,19 @@ def run(
     with ExitStack() as stack:
         log = open_log(sources, notes)
         stack.callback(log.close)
+        before = states(sources)
         drive = survey(log, notes, **among(chosen, READING))
+        if plan and (align or not (plan.placed or chosen["plan_pose"])):
+            from replay.placing import located
+
+            plan = located(plan, sources[0], align, notes, **among(chosen, READING))
         reach = min(drive.limit if drive.limit > 0.0 else inf, chosen["max_range"])
         world = build_world(plan, real, drive.bounds, reach, notes, **among(chosen, WORLD))
         facts.warn(world, chosen, notes)
         mapper = Mapper(
             world.geometry, chosen["sensor"], max_range=reach, no_return=chosen["no_return"]
         )
-        said = facts.said(world, drive)
+        said = facts.said(world, drive, notes)
         origin = {"said": said, **facts.origin(world, drive, log)}
         writer = ResultWriter(
             out,
@@ -128,6 +137,9 @@ def run(
             times.append(step.frame.time_ns)
             for split in step.counts.values():
                 counts.extend((*split.observed, *split.unobserved))
+        for path in sources:
+            if states([path]).items() - before.items():
+                notes.warn(path, "changed while it was read: give it again when it is whole")
         found = {
             **origin,
             **facts.scores(world, counts[-8 * len(world.curves) :], region=chosen["region"]),
@@ -155,7 +167,14 @@ def run(
     )
 
 
+def states(paths: Sequence[Path]) -> dict[Path, tuple[int, int]]:
+    """Size and time of change (ns) of files, and of those right in folders."""
+    files = [file for path in paths for file in (path.iterdir() if path.is_dir() else [path])]
+    stats = {file: file.stat() for file in files if file.is_file()}
+    return {file: (stat.st_size, stat.st_mtime_ns) for file, stat in stats.items()}
+
+
 def stem(log: Path) -> str:
     """The name that a log's results go by: without `.mcap`, `.bag.gz` and the like."""
-    name = "stdin" if log == Path("-") else log.resolve().name
+    name = "stdin" if log == Path("-") else Path(realpath(log)).name
     return name.split(".")[0] or name

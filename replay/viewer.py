@@ -19,7 +19,7 @@ import rerun.blueprint as rrb
 
 from formats.errors import FormatError, UsageError, printable
 from formats.grid import Geometry
-from formats.output import atomic
+from formats.output import atomic, check_room
 from formats.result import Maps, Step
 from formats.result_records import ratios
 from replay.pictures import (
@@ -136,8 +136,7 @@ class Viewer:
         self._span = [[int(at[0]), int(at[-1]) + 1] if len(at) else [0, 1] for at in here]
 
     def __enter__(self) -> Viewer:
-        # One recording a run; its id must differ between runs that one viewer shows.
-        identity = f"replay-{os.getpid()}-{time.monotonic_ns()}"
+        identity = f"replay-{os.getpid()}-{time.monotonic_ns()}"  # one viewer may show several runs
         self._rec = rr.RecordingStream("replay", recording_id=identity)
         self._rec.set_log_time_enabled(False)
         self._rec.set_log_tick_enabled(False)
@@ -149,6 +148,7 @@ class Viewer:
             raise UsageError(str(address), str(error).splitlines()[0]) from error
         with ExitStack() as stack:  # what fails from here on leaves no half file
             if self._path is not None:
+                check_room(self._path, 1 << 23)  # rerun hangs on a disk that is full at once
                 output = atomic(self._path, force=self._force, inputs=self._inputs)
                 sinks.append(rr.FileSink(str(stack.enter_context(output))))
             self._rec.set_sinks(*sinks, default_blueprint=blueprint(self._scene))
@@ -162,15 +162,19 @@ class Viewer:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        failure: Any = kind, error, trace
         try:
             if kind is None:
                 if self._steps and not self._steps[-1].keyframe:
                     self._maps(self._steps[-1])  # the end, wherever it came
                 self._send()
                 self._flush()
+        except BaseException as torn:
+            failure = type(torn), torn, None  # such a recording gets no name
+            raise
         finally:
             self._rec.disconnect()  # writes the file's footer, before the file gets its name
-            self._stack.__exit__(kind, error, trace)
+            self._stack.__exit__(*failure)
 
     def _flush(self) -> None:
         """Waits for what was sent; a viewer that is gone costs a line, not the run."""
@@ -179,7 +183,10 @@ class Viewer:
         except Exception as error:  # rerun's errors share no base of their own
             reason = printable(str(error).splitlines()[0])
             if not self._live:
-                raise FormatError(self._path or "rerun", reason) from error
+                problem = f"could not be written: {reason}"
+                raise FormatError(
+                    self._path or "rerun", problem, hint="is the disk full?"
+                ) from error
             self._say(f"viewer: gone ({reason}); the result is not touched by that")
 
     def _static(self) -> None:

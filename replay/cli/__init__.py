@@ -17,6 +17,7 @@ VERBS = {
     "run": "Map a log over the prior of a plan, and score the map.",
     "info": "Say what a log holds, and whether it can be used.",
     "plan": "Find walls, doors and outline in a drawing.",
+    "align": "Find where a plan lies under a log or a map.",
     "export": "Write maps, poses and scores of a result in the formats of others.",
 }
 
@@ -94,7 +95,7 @@ def _exit_code(arguments: list[str] | None) -> int:
     except click.ClickException as error:
         error.show()
         return error.exit_code
-    except BrokenPipeError:
+    except (BrokenPipeError, SystemExit):  # the latter is click's answer to a closed pipe
         # `| head` closed the pipe: be quiet, also at the interpreter's own last flush
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
