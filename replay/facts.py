@@ -18,7 +18,7 @@ from replay.world import World
 SHOWN = ("precision", "recall", "f2")
 
 
-def said(world: World, drive: Drive) -> dict[str, list[str]]:
+def said(world: World, drive: Drive, notes: Notes) -> dict[str, list[str]]:
     """Topic of the line -> lines: what was chosen and why."""
     geometry, frame = world.geometry, drive.choice.map_frame or "map"
     size = f"{geometry.cols} x {geometry.rows} cells of {geometry.resolution:g} m"
@@ -29,6 +29,7 @@ def said(world: World, drive: Drive) -> dict[str, list[str]]:
         name = printable(world.plan.path.name)
         lines = [
             f"{name}: {cols} x {rows} px of {world.plan.scale:g} m, {size}",
+            *(note.problem for note in notes.of("info") if note.path == str(world.plan.path)),
             f"its frame lies at x {x:.3f} m, y {y:.3f} m, yaw {yaw:.4f} rad in {frame}",
         ]
     return {"plan": lines, "log": [printable(reason, 400) for reason in drive.choice.reasons]}

@@ -9,7 +9,16 @@ from typing import Any
 import click
 
 from formats.errors import Notes
-from replay.cli.values import NOT_NEGATIVE, POSITIVE, PROBABILITY, PoseType, answer, ending, say
+from replay.cli.values import (
+    NOT_NEGATIVE,
+    POSITIVE,
+    PROBABILITY,
+    PoseType,
+    SpanType,
+    answer,
+    ending,
+    say,
+)
 
 
 @click.command("run")
@@ -38,11 +47,28 @@ from replay.cli.values import NOT_NEGATIVE, POSITIVE, PROBABILITY, PoseType, ans
 @click.option("--view", is_flag=True, help="Open the Rerun viewer and stream to it.")
 @click.option("--rrd", metavar="FILE", type=click.Path(path_type=Path), help="Save for Rerun.")
 @click.option("--connect", metavar="URL", help="Stream to a Rerun viewer that is already there.")
+@click.option(
+    "--align",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Where `replay align` found that the plan lies; found anew where nothing says it.",
+)
 @click.option("--scan", metavar="TOPIC", help="The scans; chosen when only one topic fits.")
 @click.option("--pose", metavar="TOPIC", help='Where poses come from: a topic, or "tf".')
 @click.option("--map-frame", metavar="FRAME", help="The frame of the poses; map by default.")
 @click.option("--base-frame", metavar="FRAME", help="The robot's frame; base_link by default.")
 @click.option("--sensor-pose", type=PoseType(), help="Of the sensor in the base frame; else tf.")
+@click.option("--camera-info", metavar="TOPIC", help="Of depth images; beside them by default.")
+@click.option(
+    "--scan-height",
+    type=SpanType(),
+    help="What of depth images and clouds counts: m above the floor; 0.1,1.",
+)
+@click.option(
+    "--echo",
+    type=click.Choice(["first", "last", "strongest"]),
+    help="Of a laser scanner with several echoes a beam; first by default.",
+)
 @click.option(
     "--plan-pose", type=PoseType(), help="Of the plan's own frame in the frame of the poses."
 )

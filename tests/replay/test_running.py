@@ -11,6 +11,7 @@ import pytest
 
 from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Pose
+from formats.plan_file import open_plan
 from formats.result import Result
 from formats.result_file import read_result
 from formats.stream import Options as StreamOptions
@@ -90,6 +91,24 @@ def test_a_whole_drawing_serves_as_well_as_its_walls_alone(played: Result, tmp_p
     assert any("7 doors extracted" in note.problem for note in notes.of("info"))
     ink = sample(tmp_path, every=40, plan_method="ink")
     assert f2(ink)["bayes"] > 0
+
+
+def test_a_plan_without_a_place_is_laid_under_the_log(tmp_path: Path) -> None:
+    bare = tmp_path / "bare.png"
+    bare.write_bytes((SAMPLES / "plan.png").read_bytes())
+    notes = Notes()
+    result = run(SAMPLES / "turtlebot.mcap", bare, output=tmp_path / "out.mcap", notes=notes)
+    assert any("placed on the log" in note.problem for note in notes.of("info"))
+    kept = read_result(result.facts["result"])
+    assert abs(kept.map_to_plan.yaw) < 0.01  # the sheet lies as its yaml says: not turned
+    # Walls of the truth's sheet, drawn anew in the frame of the poses, are walls of this one.
+    walls = open_plan(SAMPLES / "plan.png", Notes())
+    g = kept.geometry
+    rows, cols = np.nonzero(walls.wall[::-1])
+    x, y = (cols + 0.5) * 0.02 + walls.corner[0], (rows + 0.5) * 0.02 + walls.corner[1]
+    there = kept.layers["wall"][((y - g.y) / 0.05).astype(int), ((x - g.x) / 0.05).astype(int)]
+    assert (there > 0).mean() > 0.8
+    assert f2(result)["bayes"] > f2(result)["none"] + 0.15
 
 
 def test_gates_thin_the_scans(tmp_path: Path) -> None:

@@ -1,0 +1,51 @@
+"""Where the plan of a run lies: as its file says, as `replay align` found, or found here."""
+
+from __future__ import annotations
+
+from os import PathLike
+from typing import Any
+
+from formats.errors import FormatError, Notes
+from formats.placement import read_placement
+from formats.plan_file import Plan
+from replay.registration.aligning import align_files
+from replay.registration.placing import placed
+
+
+def located(
+    plan: Plan,
+    log: str | PathLike[str],
+    placement: str | PathLike[str] | None,
+    notes: Notes,
+    **reading: Any,
+) -> Plan:
+    """The plan in the frame of the poses.
+
+    Args:
+        plan: without a frame of its own, or with one that a placement overrules.
+        log: what it is laid under, where no placement is given.
+        placement: a file that `replay align` wrote.
+        notes: told where it lies.
+        reading: options of `formats.stream.survey`.
+
+    Raises:
+        FormatError: no place on the plan is clearly the best; a placement of something else.
+    """
+    if placement is not None:
+        return placed(plan, read_placement(placement))
+    found = align_files(log, plan.path, plan_resolution=plan.resolution, notes=Notes(), **reading)
+    alignment, best = found.alignment, found.alignment.best
+    sure = f"confidence {alignment.confidence:.2f}"
+    if not alignment.confident:
+        raise FormatError(
+            plan.path,
+            f"nothing says where the plan lies, and no place is clearly the best ({sure})",
+            hint="look at `replay align`, or give --plan-pose, or a map yaml of its stem",
+        )
+    mirror = ", mirrored" if best.mirrored else ""
+    notes.info(
+        plan.path,
+        f"placed on the log: {1 / best.scale:.4f} m/px, turned {best.turn_deg:.1f} deg{mirror}, "
+        f"{sure}",
+    )
+    return found.placed
