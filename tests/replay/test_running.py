@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.ndimage import distance_transform_edt
 
 from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Pose
@@ -101,13 +102,15 @@ def test_a_plan_without_a_place_is_laid_under_the_log(tmp_path: Path) -> None:
     assert any("placed on the log" in note.problem for note in notes.of("info"))
     kept = read_result(result.facts["result"])
     assert abs(kept.map_to_plan.yaw) < 0.01  # the sheet lies as its yaml says: not turned
-    # Walls of the truth's sheet, drawn anew in the frame of the poses, are walls of this one.
+    # Walls as the yaml places them lie within 0.15 m of those found here: hits lie on the faces of
+    # walls 0.2 m thick, which the doors-free sheet cannot tell from their middles.
     walls = open_plan(SAMPLES / "plan.png", Notes())
     g = kept.geometry
     rows, cols = np.nonzero(walls.wall[::-1])
     x, y = (cols + 0.5) * 0.02 + walls.corner[0], (rows + 0.5) * 0.02 + walls.corner[1]
-    there = kept.layers["wall"][((y - g.y) / 0.05).astype(int), ((x - g.x) / 0.05).astype(int)]
-    assert (there > 0).mean() > 0.8
+    far = distance_transform_edt(kept.layers["wall"] == 0, sampling=0.05)
+    there = far[((y - g.y) / 0.05).astype(int), ((x - g.x) / 0.05).astype(int)]
+    assert (there <= 0.15).mean() > 0.95
     assert f2(result)["bayes"] > f2(result)["none"] + 0.15
 
 
