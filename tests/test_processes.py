@@ -117,7 +117,7 @@ def test_a_read_only_folder(home: Path, tmp_path: Path) -> None:
             # And as the current folder, with the output elsewhere and no home.
             words: list[str | Path] = [home / "drive.mcap", "--prior", home / "plan.png"]
             words += ["-o", tmp_path / "y.mcap"]
-            env = {"HOME": "/nonexistent", "XDG_CACHE_HOME": ""}
+            env = {"HOME": "/dev/null", "XDG_CACHE_HOME": ""}
             code, _, err = done(folder, "run", *words, env=env)
             assert code == 0, err
         finally:

@@ -107,13 +107,13 @@ WRONG = [
     ("--rrd drive.mcap --force", 1, "also an input"),
     ("--rrd plan.yaml --force", 1, "plan.yaml: the output is also an input"),
     ("--rrd small.png", 1, "exists already"),
-    ("--rrd /nonexistent/x.rrd", 1, "does not exist; make it first"),
+    ("--rrd /dev/none/x.rrd", 1, "does not exist; make it first"),
     ("--rrd . --force", 1, "is a folder"),
     ("-o drive.mcap --force", 1, "also an input"),
     ("-o ./plan.yaml --force", 1, "also an input"),
     ("-o plan.png", 1, "also an input"),
     ("-o small.png", 1, "exists already"),
-    ("-o /nonexistent/x.mcap", 1, "does not exist; make it first"),
+    ("-o /dev/none/x.mcap", 1, "does not exist; make it first"),
     ("-o /dev/null --force", 1, "not an ordinary file"),
     ("-o '' --force", 1, "is a folder"),
     ("-o plan.png/x.mcap", 1, "not a folder"),
@@ -240,4 +240,4 @@ def test_export_replaces_nothing_unasked(
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
     assert told(capsys, "export", result, "--force")[0] == 0
     assert told(capsys, "export", result, "--only", "nope")[0] == 2
-    assert told(capsys, "export", result, "-o", "/nonexistent/y")[0] == 1
+    assert told(capsys, "export", result, "-o", "/dev/none/y")[0] == 1
