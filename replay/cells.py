@@ -86,22 +86,24 @@ def cell_layers(
     Raises:
         UsageError: the plan's resolution is not known.
     """
-    occupancy = plan.occupancy
-    pixels, wall, known = (np.zeros(geometry.shape, dtype=np.uint32) for _ in range(3))
-    to_cells = _pixel_to_cell(plan, geometry, plan.frame if frame is None else frame)
-    _count(occupancy, to_cells, pixels, wall, known)
-    _fill(occupancy, np.linalg.inv(to_cells).astype(np.float64), pixels, wall, known)
+    pixels, wall, known = _joined(plan, geometry, plan.frame if frame is None else frame)
     footprint = find_footprint(plan, geometry, pixels, wall, known, notes or Notes())
     return CellLayers(geometry, pixels, wall, known, footprint)
 
 
 def count_walls(plan: Plan, geometry: Geometry) -> npt.NDArray[np.float64]:
     """Share of each cell that is wall, (rows, cols), where nothing else of the plan is asked."""
+    pixels, wall, _ = _joined(plan, geometry, plan.frame)
+    return wall / np.maximum(pixels, 1)
+
+
+def _joined(plan: Plan, geometry: Geometry, frame: Pose) -> tuple[Counted, Counted, Counted]:
+    """Pixels, wall pixels and known pixels of each cell."""
     pixels, wall, known = (np.zeros(geometry.shape, dtype=np.uint32) for _ in range(3))
-    to_cells = _pixel_to_cell(plan, geometry, plan.frame)
+    to_cells = _pixel_to_cell(plan, geometry, frame)
     _count(plan.occupancy, to_cells, pixels, wall, known)
     _fill(plan.occupancy, np.linalg.inv(to_cells).astype(np.float64), pixels, wall, known)
-    return wall / np.maximum(pixels, 1)
+    return pixels, wall, known
 
 
 def _pixel_to_cell(plan: Plan, geometry: Geometry, frame: Pose) -> npt.NDArray[np.float64]:

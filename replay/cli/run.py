@@ -27,7 +27,7 @@ from replay.cli.values import (
     "--prior",
     metavar="PLAN",
     type=click.Path(path_type=Path),
-    help="The plan: png, pgm, jpg, tiff, or a map_server yaml; without it, no prior.",
+    help="The plan: a picture, a map_server yaml, or LOG:/map; without it, no prior.",
 )
 @click.option(
     "--truth",
