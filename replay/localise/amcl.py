@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from formats.frame import Floats, Pose
-from replay.localise.estimate import Estimate, summary
+from replay.localise.estimate import Estimate, settled, summary
 from replay.localise.field import Field
 from replay.localise.likelihood import UNIT, Costs, Model, Reading
 from replay.localise.motion import Alphas, drive_on, move_between
@@ -20,7 +20,8 @@ from replay.localise.resampling import enough, systematic
 
 PER_M2 = 1000.0  # poses tried on each m² of free space at a global start
 MOST_TRIED = 300_000
-HALF = 0.5  # of the beams' weight until the particles agree
+HALF = 0.5  # of the beams' weight until the particles have gathered
+GATHERED = 2.0  # times the spread at which they agree
 FIRST = 10  # readings that say how well they fit when all is well
 WORSE = 0.15  # share by which readings fit less than before, below which nothing is wrong
 TRIES = 50  # poses for each particle that is drawn anew
@@ -32,26 +33,29 @@ class Parameters:
 
     Attributes:
         alphas: noise of the odometry.
-        min_particles, max_particles: once settled.
-        global_particles: at most, and at least a quarter of it, until settled (ours).
+        min_particles, max_particles: once settled; nav2 has 500 and 2000, which lose the way in a
+            long corridor now and then.
+        global_particles: at most, and at least a quarter of it, until they have gathered within
+            twice the spread that is settled (ours).
         pf_err, pf_z: of KLD sampling.
         resample_interval: updates.
-        recovery_alpha_slow, recovery_alpha_fast: of the mean likelihood; 0 and 0 for no recovery,
-            as nav2 has it, which suggests these values.
+        recovery_alpha_slow, recovery_alpha_fast: of the mean likelihood, 0.001 and 0.1 where a
+            robot may be carried off; 0 and 0 for no recovery, as in nav2, since in a building
+            that repeats itself a reading that fits badly may fit better elsewhere.
         effective_beams: what the beams of one scan weigh together, since they are not independent;
-            half as much until settled (ours; nav2 sums cubes instead).
+            half as much until gathered (ours; nav2 sums cubes instead).
     """
 
     alphas: Alphas = Alphas()  # noqa: RUF009 (a tuple is immutable)
-    min_particles: int = 500
-    max_particles: int = 2000
+    min_particles: int = 2000
+    max_particles: int = 5000
     global_particles: int = 100_000
     pf_err: float = 0.05
     pf_z: float = 0.99
     resample_interval: int = 1
-    recovery_alpha_slow: float = 0.001
-    recovery_alpha_fast: float = 0.1
-    effective_beams: float = 12.0
+    recovery_alpha_slow: float = 0.0
+    recovery_alpha_fast: float = 0.0
+    effective_beams: float = 8.0
 
 
 class Amcl:
@@ -61,8 +65,8 @@ class Amcl:
         field: of the plan.
         model: of the sensor.
         parameters: see Parameters.
-        coarse: of the sensor until the particles agree; None: `model`. Few particles lie near
-            enough to the truth at first for a sharp model to know them.
+        coarse: of the sensor until the particles have gathered; None: `model`. At first few
+            particles lie so near to the truth that a sharp model would know them.
         start: in the plan's own frame; None: anywhere on the plan.
         seed: the same one gives the same bits.
 
@@ -113,7 +117,7 @@ class Amcl:
         if reading.ranges.size:
             self._weigh(reading)
         self.estimate = summary(self.particles, self.weights)
-        self._lost = self._lost and not self.estimate.settled
+        self._lost = self._lost and not settled(self.estimate.covariance, GATHERED)
         self._updates += 1
         if self._updates % self.parameters.resample_interval == 0:
             self._resample(reading)

@@ -33,10 +33,11 @@ class Estimate(NamedTuple):
         return settled(self.covariance)
 
 
-def settled(covariance: Floats) -> bool:
-    """Below 0.3 m along the longest axis, and below 10 degrees."""
+def settled(covariance: Floats, times: float = 1.0) -> bool:
+    """Below 0.3 m along the longest axis, and below 10 degrees, or so many times that."""
     place = float(np.linalg.eigvalsh(covariance[:2, :2])[-1])
-    return sqrt(max(place, 0.0)) < SETTLED_M and sqrt(covariance[2, 2]) < SETTLED_RAD
+    spread = sqrt(max(place, 0.0)) / SETTLED_M, sqrt(covariance[2, 2]) / SETTLED_RAD
+    return max(spread) < times
 
 
 def summary(particles: Floats, weights: Floats) -> Estimate:

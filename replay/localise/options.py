@@ -22,7 +22,7 @@ class Options(TypedDict, total=False):
         alpha1, alpha2, alpha3, alpha4: noise of the odometry, see motion.Alphas.
         update_min_d, update_min_a: m or rad to move before the next update.
         min_particles, max_particles, pf_err, pf_z, resample_interval: see amcl.Parameters.
-        recovery_alpha_slow, recovery_alpha_fast: likewise; nav2's defaults are 0.
+        recovery_alpha_slow, recovery_alpha_fast: likewise.
         global_particles, effective_beams: likewise; not in nav2.
     """
 
@@ -72,13 +72,13 @@ DEFAULTS: Options = {
     "alpha4": 0.2,
     "update_min_d": 0.25,
     "update_min_a": 0.2,
-    "min_particles": 500,
-    "max_particles": 2000,
+    "min_particles": 2000,
+    "max_particles": 5000,
     "pf_err": 0.05,
     "pf_z": 0.99,
     "resample_interval": 1,
-    "recovery_alpha_slow": 0.001,
-    "recovery_alpha_fast": 0.1,
+    "recovery_alpha_slow": 0.0,
+    "recovery_alpha_fast": 0.0,
     "global_particles": 100_000,
-    "effective_beams": 12.0,
+    "effective_beams": 8.0,
 }
