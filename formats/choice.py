@@ -10,10 +10,11 @@ from formats.frame import Pose
 from formats.gathering import POSE_TYPES, TF_TYPES, Gathered, ScanTimes, decoder_of
 from formats.log import Log, Topic
 from formats.poses import KINDS, Source, base_of, fixed_frames, kind_of, odom_frames
-from formats.sensing import SENSORS, planar
+from formats.pictures_of_depth import depth_topics
+from formats.sensing import SENSORS
 from formats.tf import plain
 from formats.track import MAX_GAP_NS
-from formats.way import Way
+from formats.way import Way, flat
 
 FEW = 0.1  # a topic with less than this share of another's messages is not its peer
 ENOUGH = 0.5  # a source that reaches this share of the scans is taken before looking further
@@ -108,17 +109,17 @@ def scan_topics(log: Log, wish: str = "") -> list[Topic]:
         problem = f"{other[0].type} is not a scan" if other else "no such topic"
         hint = f"scans here: {listing(readable) or 'none'}"
         raise UsageError(log.path, problem, topic=wish, hint=hint)
-    readable = [t for t in readable if t.count != 0]
-    if not readable:
-        if not any(t.count != 0 for t in topics):
-            raise FormatError(log.path, "no messages")
-        kinds = ", ".join(dict.fromkeys(name.rsplit("/", 1)[-1] for name in SENSORS))
-        hint = "record a topic of one of these types"
-        raise FormatError(
-            log.path, f"no scans: looked for {kinds}; found {listing(topics)}", hint=hint
-        )
-    best = min(SENSORS[t.type].rank for t in readable)
-    return _peers([t for t in readable if SENSORS[t.type].rank == best])
+    readable, colour = [t for t in readable if t.count != 0], ""
+    for rank in sorted({SENSORS[t.type].rank for t in readable}):
+        best, why = depth_topics(log, [t for t in readable if SENSORS[t.type].rank == rank])
+        if best:
+            return _peers(best)
+        colour = colour or why
+    if not any(t.count != 0 for t in topics):
+        raise FormatError(log.path, "no messages")
+    kinds = ", ".join(dict.fromkeys(name.rsplit("/", 1)[-1] for name in SENSORS))
+    hint = colour or "record a topic of one of these types"
+    raise FormatError(log.path, f"no scans: looked for {kinds}; found {listing(topics)}", hint=hint)
 
 
 def _peers(topics: list[Topic]) -> list[Topic]:
@@ -274,6 +275,9 @@ def no_poses(gathered: Gathered, scan: Topic, wishes: Wishes) -> FormatError:
 def described(way: Way) -> Choice:
     """The choice of one way, with its reasons still empty."""
     rows = way.valid.nonzero()[0][:1]
-    mount = planar(way.mount(rows).matrices[0]) if rows.size else Pose(0.0, 0.0, 0.0)
+    mount = Pose(0.0, 0.0, 0.0)
+    if rows.size:
+        forward = SENSORS[way.scans.topic.type].forward
+        mount = Pose(*flat(way.mount(rows).matrices, forward)[0].tolist())
     name = way.scans.names[int(way.scans.frame[rows[0]])] if rows.size else ""
     return Choice(way.scans.topic, way.source, name, mount)

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from formats.errors import printable
 from formats.messages import CompressedImage, Image
-from formats.picture_header import PictureError, read_png
+from formats.picture_header import Header, PictureError, read_png
 from formats.ros_wire import Undecodable
 
 MAGIC = b"\x89PNG\r\n\x1a\n"
@@ -27,6 +27,30 @@ def depth_image(message: CompressedImage) -> Image:
 
     Raises:
         Undecodable: there is no whole PNG of 16 bits in it, or one of too many pixels.
+    """
+    head, png, header = check_png(message)
+    import cv2
+
+    found: Any = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED)
+    if found is None or found.dtype != np.uint16 or found.shape != (header.height, header.width):
+        raise Undecodable("damaged PNG")
+    encoding = message.format.partition(";")[0].strip()
+    if encoding == "32FC1":
+        found = metres(found, head)
+    elif encoding != "mono16":
+        encoding = "16UC1"
+    height, width = found.shape
+    step = width * found.itemsize
+    big = sys.byteorder == "big"
+    content = np.ascontiguousarray(found).view(np.uint8).ravel()
+    return Image(message.stamp_ns, message.frame, height, width, encoding, big, step, content)
+
+
+def check_png(message: CompressedImage) -> tuple[bytes, bytes, Header]:
+    """What stands before the PNG, the PNG, and its header; nothing is decoded yet.
+
+    Raises:
+        Undecodable: as for depth_image, but for pixels that are damaged under sound checksums.
     """
     data = message.data.tobytes()
     at = data.find(MAGIC)
@@ -42,21 +66,7 @@ def depth_image(message: CompressedImage) -> Image:
         raise Undecodable("PNG of too many pixels", size)
     if (header.depth, header.channels) != (16, 1):
         raise Undecodable("PNG that is no depth", f"{header.channels} x {header.depth} bits")
-    import cv2
-
-    found: Any = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED)
-    if found is None or found.dtype != np.uint16 or found.shape != (header.height, header.width):
-        raise Undecodable("damaged PNG")
-    encoding = message.format.partition(";")[0].strip()
-    if encoding == "32FC1":
-        found = metres(found, data[:at])
-    elif encoding != "mono16":
-        encoding = "16UC1"
-    height, width = found.shape
-    step = width * found.itemsize
-    big = sys.byteorder == "big"
-    content = np.ascontiguousarray(found).view(np.uint8).ravel()
-    return Image(message.stamp_ns, message.frame, height, width, encoding, big, step, content)
+    return data[:at], png, header
 
 
 def metres(found: npt.NDArray[np.uint16], head: bytes) -> npt.NDArray[np.float32]:

@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from formats.choice import Choice
-from formats.clock import Times
+from formats.clock import SECOND, Times
 from formats.errors import Notes
 from formats.frame import Frame, Pose
 from formats.log import Log
 from formats.ros import Undecodable
 from formats.scanning import scanner
-from formats.sensing import Motion
+from formats.sensor import LOOK, Look, Motion
 from formats.track import Floats
 from formats.way import BLOCK, Rows, Swept, Way
 
@@ -36,6 +36,7 @@ class Drive:
         way: where the sensor was.
         rows: (m,) of the scans' topic, which message each frame is made of.
         sweeps_ns: (m,) how long the sensor took, 0 where that is not known.
+        look: what the readings do not say: heights, echo, camera.
     """
 
     log: Log
@@ -50,6 +51,9 @@ class Drive:
     way: Way = field(repr=False)
     rows: Rows = field(repr=False)
     sweeps_ns: Times = field(repr=False)
+    look: Look = LOOK
+    _told: set[str] = field(default_factory=set, repr=False)
+    _lost: set[int] = field(default_factory=set, repr=False)
     _blocks: dict[int, Swept] = field(default_factory=dict, repr=False)
 
     def __len__(self) -> int:
@@ -65,7 +69,7 @@ class Drive:
     def frames(self) -> Iterator[Frame]:
         """The scans with their poses, in the order of time; may be called again."""
         topic = self.choice.scan
-        scan_of = scanner(topic)
+        scan_of = scanner(topic, self.look, self._remark)
         rank = np.full(self.total, -1, dtype=np.int64)
         rank[self.rows] = np.arange(len(self))
         waiting: dict[int, Frame | None] = {}
@@ -77,7 +81,8 @@ class Drive:
             matrix, motion = self._placed(k)
             try:
                 scan = scan_of(data, matrix, motion)
-            except Undecodable:  # counted in the first pass
+            except Undecodable as error:  # what the first pass left packed: a picture's pixels
+                self._lose(k, error.reason)
                 waiting[k] = None
             else:
                 pose = Pose(*self.poses[k].tolist())
@@ -87,6 +92,18 @@ class Drive:
                 turn += 1
                 if frame is not None:
                     yield frame
+
+    def _remark(self, problem: str) -> None:
+        if problem not in self._told:
+            self._told.add(problem)
+            self.notes.warn(self.log.path, problem, topic=self.choice.scan.name)
+
+    def _lose(self, k: int, why: str) -> None:
+        if k not in self._lost:
+            self._lost.add(k)
+            at = f"{(int(self.times_ns[k]) - self.zero_ns) / SECOND:.2f} s"
+            problem = f"message not readable: {why}"
+            self.notes.lose(self.log.path, problem, topic=self.choice.scan.name, at=at)
 
     def _placed(self, k: int) -> tuple[Floats, Motion | None]:
         """Pose (4, 4) of the sensor and its motion during the sweep; worked out by blocks."""

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
 from formats.messages import LaserScan, MultiEchoLaserScan
 
 Echo = Literal["first", "last", "strongest"]
+ECHOES: tuple[Echo, ...] = get_args(Echo)
 
 
 def single_echo(reading: MultiEchoLaserScan, which: Echo = "first") -> LaserScan:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from formats.cameras import Camera
 from formats.clock import SECOND, Clock, Times
 from formats.errors import Notes
 from formats.frame_names import is_known
@@ -166,6 +167,7 @@ class Gathered:
     tree: Tree
     scans: dict[Topic, ScanTimes]
     poses: dict[Topic, PoseTimes]
+    cameras: dict[Topic, Camera] = field(default_factory=dict)
 
     def clock(self, scans: ScanTimes) -> Clock:
         """When messages count: by log times where stamps of scans or of poses are all 0."""
@@ -183,7 +185,13 @@ class Gathered:
         return first - late if 0 <= late < 86_400 * SECOND else first
 
 
-def gather(log: Log, notes: Notes, scans: Collection[Topic], poses: Collection[Topic]) -> Gathered:
+def gather(
+    log: Log,
+    notes: Notes,
+    scans: Collection[Topic],
+    poses: Collection[Topic],
+    cameras: Collection[Topic] = (),
+) -> Gathered:
     """Read transforms, poses and the times of scans in one pass.
 
     Args:
@@ -191,6 +199,7 @@ def gather(log: Log, notes: Notes, scans: Collection[Topic], poses: Collection[T
         notes: where undecodable messages are counted.
         scans: topics of a type in SENSORS.
         poses: topics of a type in POSE_TYPES.
+        cameras: topics of a type in CAMERA_TYPES.
     """
     path = log.path
     tree = Tree(path, notes)
@@ -201,8 +210,9 @@ def gather(log: Log, notes: Notes, scans: Collection[Topic], poses: Collection[T
         tree,
         {topic: ScanTimes(topic) for topic in scans},
         {topic: PoseTimes(topic) for topic in poses},
+        {topic: Camera(topic) for topic in cameras},
     )
-    wanted = [*trees, *scans, *poses]
+    wanted = [*trees, *scans, *poses, *cameras]
     readers = {id(topic): _reader(made, topic) for topic in wanted}  # hashing a topic is slow
     start = log.container.start_ns
     count = 0
@@ -210,14 +220,13 @@ def gather(log: Log, notes: Notes, scans: Collection[Topic], poses: Collection[T
         read, take = readers.get(id(topic)) or readers[id(wanted[wanted.index(topic)])]
         log_ns = min(time_ns, LAST_NS)
         try:
-            noun = read(data)
+            take(read(data), log_ns)
         except Undecodable as error:
             at = f"{(time_ns - start) / SECOND:.2f} s"
             notes.lose(path, f"message not readable: {error.reason}", topic=topic.name, at=at)
             if topic in made.scans:
                 made.scans[topic].add_broken("not readable", log_ns)
             continue
-        take(noun, log_ns)
         count += 1
         if count % MANY == 0:
             sensors = {name for times in made.scans.values() for name in times.names}
@@ -234,6 +243,9 @@ def _reader(made: Gathered, topic: Topic) -> tuple[Callable[..., Any], Callable[
         return read, _scan_taker(made.scans[topic], made.notes, made.log)
     if topic in made.poses:
         return read, _pose_taker(made.poses[topic], made.notes, made.log)
+    if topic in made.cameras:
+        camera = made.cameras[topic]
+        return read, lambda info, _: camera.add(info, made.notes, made.log.path)
     tree, static = made.tree, topic.name.rstrip("/").endswith("tf_static")
 
     def take(noun: Transforms, time_ns: int) -> None:

@@ -7,31 +7,56 @@ from typing import Any
 
 import numpy as np
 
+from formats.depth import camera_remarks
+from formats.depth_png import depth_image
 from formats.frame import Scan
 from formats.gathering import decoder_of
 from formats.log import Topic
+from formats.messages import CompressedImage
 from formats.ros import is_usual, wire_of
 from formats.ros_repeats import MOST, scan_layout
 from formats.ros_wire import Payload
-from formats.sensing import FLOAT32, LEVEL, SENSORS, Floats, Motion
+from formats.sensing import FLOAT32, LEVEL, SENSORS
+from formats.sensor import LOOK, Floats, Look, Motion
 
 Scanner = Callable[[Payload, Floats, Motion | None], Scan]
 LEVELLED = np.eye(4)
 
 
-def scanner(topic: Topic) -> Scanner:
+def scanner(
+    topic: Topic, look: Look = LOOK, remark: Callable[[str], object] = lambda _: None
+) -> Scanner:
     """What makes Scans: payload, pose of the sensor (4, 4) in the map frame, motion during it.
 
     It raises Undecodable. The scans of one sensor that is level differ in their ranges alone: where
     a payload is as an earlier one in all else, only these are read.
+
+    Args:
+        topic: of a type in SENSORS.
+        look: with the camera where the topic is of pictures.
+        remark: is told once what is odd about a picture and its camera.
     """
     read, scan = decoder_of(topic), SENSORS[topic.type].scan
     if read is None:
         raise ValueError(f"no decoder for {topic.type}")
 
     def any_scan(data: Payload, matrix: Floats, motion: Motion | None) -> Scan:
-        return scan(read(data), matrix, motion)
+        return scan(read(data), matrix, motion, look)
 
+    if look.camera is not None:
+        camera, told = look.camera, set[tuple[Any, ...]]()
+
+        def picture_scan(data: Payload, matrix: Floats, motion: Motion | None) -> Scan:
+            image = read(data)
+            if isinstance(image, CompressedImage):
+                image = depth_image(image)
+            if image[1:5] not in told:
+                told.add(image[1:5])
+                for odd in camera_remarks(image, camera):
+                    remark(odd)
+            return scan(image, matrix, motion, look)
+
+        return picture_scan
     if topic.type != "sensor_msgs/msg/LaserScan" or not is_usual(topic):
         return any_scan
     layouts: dict[int, tuple[Any, ...]] = {}  # by the payload's size: the first of each

@@ -1,19 +1,28 @@
-"""Readings of range sensors -> Scan: mirrored, projected and de-skewed where the sensor is."""
+"""Readings of range sensors -> Scan: mirrored, projected, de-skewed, cut at a slab of heights."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import lru_cache
 from math import atan2, cos, inf, nan, pi, radians
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from formats import depth
+from formats.depth_png import check_png
+from formats.echo import single_echo
 from formats.frame import Pose, Scan
-from formats.messages import LaserScan, MultiEchoLaserScan, RangeReading
+from formats.messages import (
+    Cloud,
+    CompressedImage,
+    Image,
+    LaserScan,
+    MultiEchoLaserScan,
+    RangeReading,
+)
+from formats.sensor import LOOK, Floats, Look, Motion, Sensor
 
-Floats = npt.NDArray[np.float64]
 FLOAT32 = np.dtype(np.float32)
 LEVEL = cos(radians(2.0))  # a sensor that tilts by less sees what a level one sees, within 1 cm
 SLAB = 0.25  # m above and below a tilted sensor in which a return is of the wall it would see level
@@ -21,31 +30,6 @@ FLOOR = 0.05  # m; what a tilted sensor sees below is the floor
 CLEARED = 5.0  # m; a beam without a return must stay within the slab so far to say anything
 LEAST_STEP = 1e-6  # rad between beams
 STILL = 5e-4  # m and rad: less motion during a sweep is not worth de-skewing
-
-
-class Motion(NamedTuple):
-    """The sensor's poses at the first and the last beam of a sweep, in its pose at the middle."""
-
-    first: Pose
-    last: Pose
-
-
-class Sensor(NamedTuple):
-    """How one message type is read.
-
-    Attributes:
-        rank: of several kinds in one log the lowest rank is taken.
-        fault: why a reading cannot be used, "" where it can.
-        scan: reading, pose of its sensor (4, 4) in the map frame, motion during it -> Scan.
-        sweep: s, how long the sensor took from the first beam to the last.
-        limit: m, the longest range of the sensor.
-    """
-
-    rank: int
-    fault: Callable[[Any], str]
-    scan: Callable[[Any, Floats, Motion | None], Scan]
-    sweep: Callable[[Any], float]
-    limit: Callable[[Any], float]
 
 
 @lru_cache(maxsize=64)
@@ -161,17 +145,18 @@ def laser_fault(reading: LaserScan | MultiEchoLaserScan) -> str:
     return ""
 
 
-def laser_scan(reading: LaserScan, matrix: Floats, motion: Motion | None = None) -> Scan:
+def laser_scan(
+    reading: LaserScan, matrix: Floats, motion: Motion | None = None, _look: Look = LOOK
+) -> Scan:
     """sensor_msgs/LaserScan."""
     return swept(reading, reading.ranges, matrix, motion)
 
 
 def multi_echo_scan(
-    reading: MultiEchoLaserScan, matrix: Floats, motion: Motion | None = None
+    reading: MultiEchoLaserScan, matrix: Floats, motion: Motion | None = None, look: Look = LOOK
 ) -> Scan:
-    """sensor_msgs/MultiEchoLaserScan: the first echo of each beam, nan where there is none."""
-    first = np.array([echo[0] if len(echo) else nan for echo in reading.echoes], dtype=np.float32)
-    return swept(reading, first, matrix, motion)
+    """sensor_msgs/MultiEchoLaserScan: one echo of each beam, nan where there is none."""
+    return swept(reading, single_echo(reading, look.echo).ranges, matrix, motion)
 
 
 def laser_sweep(reading: LaserScan | MultiEchoLaserScan) -> float:
@@ -194,7 +179,9 @@ def cone_fault(reading: RangeReading) -> str:
     return "range is nan" if reading.range != reading.range else ""
 
 
-def cone_scan(reading: RangeReading, _matrix: Floats, _motion: Motion | None = None) -> Scan:
+def cone_scan(
+    reading: RangeReading, _matrix: Floats, _motion: Motion | None = None, _look: Look = LOOK
+) -> Scan:
     """sensor_msgs/Range: one beam as wide as the cone."""
     return Scan(
         np.zeros(1),
@@ -210,10 +197,52 @@ def no_sweep(_reading: object) -> float:
     return 0.0
 
 
+def picture_scan(
+    image: Image, matrix: Floats, _motion: Motion | None = None, look: Look = LOOK
+) -> Scan:
+    """A depth image; ValueError without its camera."""
+    if look.camera is None:
+        raise ValueError("a depth image needs its camera_info")
+    return depth.depth_scan(image, look.camera, matrix, look.slab)
+
+
+def compressed_fault(message: CompressedImage) -> str:
+    """Whether there is a whole PNG of depth in it, without decoding it; Undecodable otherwise."""
+    check_png(message)
+    return ""
+
+
+def cloud_fault(cloud: Cloud) -> str:
+    """Why a cloud cannot be used."""
+    return "" if len(cloud.points) else "no points"
+
+
+def cloud_scan(
+    cloud: Cloud, matrix: Floats, _motion: Motion | None = None, look: Look = LOOK
+) -> Scan:
+    """A point cloud."""
+    return depth.cloud_scan(cloud, matrix, look.slab)
+
+
+def depth_limit(_reading: object) -> float:
+    """The farthest horizontal distance that counts."""
+    return depth.LIMITS[1]
+
+
 LASER = Sensor(0, laser_fault, laser_scan, laser_sweep, laser_limit)
+CAMERA = Sensor(1, depth.depth_fault, picture_scan, no_sweep, depth_limit, 2, solid=True)
+PACKED = CAMERA._replace(rank=2, fault=compressed_fault)  # behind the same pictures as they are
+CLOUD = Sensor(3, cloud_fault, cloud_scan, no_sweep, depth_limit, solid=True)
 SENSORS: dict[str, Sensor] = {
     "sensor_msgs/msg/LaserScan": LASER,
     "foxglove.LaserScan": LASER,
     "sensor_msgs/msg/MultiEchoLaserScan": LASER._replace(scan=multi_echo_scan),
-    "sensor_msgs/msg/Range": Sensor(3, cone_fault, cone_scan, no_sweep, laser_limit),
+    "sensor_msgs/msg/Image": CAMERA,
+    "foxglove.RawImage": CAMERA,
+    "sensor_msgs/msg/CompressedImage": PACKED,
+    "foxglove.CompressedImage": PACKED,
+    "sensor_msgs/msg/PointCloud2": CLOUD,
+    "sensor_msgs/msg/PointCloud": CLOUD,
+    "foxglove.PointCloud": CLOUD,
+    "sensor_msgs/msg/Range": Sensor(4, cone_fault, cone_scan, no_sweep, laser_limit),
 }

@@ -16,6 +16,7 @@ LONG_GAP_S = 5.0
 OFFSET_S = 0.1  # between stamps and log times: worth showing
 APART_S = 0.5  # between the clocks of scans and of poses: worth a warning
 YEAR_S = 365 * 86_400
+STEEP = 0.87  # cosine of 30 degrees: a camera this near the vertical sees no room
 
 
 def seconds(time_ns: int | np.integer, zero_ns: int) -> str:
@@ -150,6 +151,21 @@ def tell_attitude(scans: ScanTimes, upright: Floats, notes: Notes, path: Path) -
             f"sensor is tilted by up to {most:.0f} deg: projected, what leaves its slab is left out"
         )
         notes.warn(path, what, topic=name, count=int(tilted.sum()))
+
+
+def tell_aim(scans: ScanTimes, steep: Floats, notes: Notes, path: Path) -> None:
+    """Note a camera that looks at the floor or the ceiling: its frame may be no optical one.
+
+    Args:
+        scans: of the topic.
+        steep: (n,) cosine of the angle between the optical axis and the vertical.
+        notes: where it goes.
+        path: of the log.
+    """
+    aside = np.abs(steep) > STEEP
+    if aside.any():
+        what = "camera looks up or down: is its frame an optical one (x right, y down, z forward)?"
+        notes.warn(path, what, topic=scans.topic.name, count=int(aside.sum()))
 
 
 def plausible_sweeps(

@@ -10,13 +10,14 @@ streams the scans. Only poses and transforms are held in memory.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from math import inf
+from math import inf, isfinite
 from os import PathLike
 from typing import TypedDict, Unpack
 
 import numpy as np
 import numpy.typing as npt
 
+from formats.cameras import calibration, info_topic
 from formats.choice import (
     Wishes,
     best_way,
@@ -27,7 +28,9 @@ from formats.choice import (
     ways,
 )
 from formats.clock import SECOND, Clock, Times
+from formats.depth import SLAB
 from formats.drive import Drive
+from formats.echo import ECHOES, Echo
 from formats.errors import Notes, UsageError
 from formats.explaining import tell_choice, tell_missing
 from formats.frame import Frame, Pose
@@ -35,7 +38,9 @@ from formats.gathering import Gathered, ScanTimes, gather
 from formats.gating import gate
 from formats.log import Log, Topic
 from formats.opening import READERS, open_log
-from formats.sifting import plausible_sweeps, sift, tell_attitude, tell_clock
+from formats.sensing import SENSORS
+from formats.sensor import Look
+from formats.sifting import plausible_sweeps, sift, tell_aim, tell_attitude, tell_clock
 from formats.track import MAX_GAP_NS
 from formats.way import Way, blocks, flat
 
@@ -52,7 +57,10 @@ class Options(TypedDict, total=False):
         pose: a topic with poses, or "tf".
         map_frame: frame of the poses.
         base_frame: frame of the robot's body.
-        sensor_pose: of the sensor on the body, instead of what tf says.
+        sensor_pose: of the sensor on the body, instead of what tf says; heights then count from it.
+        camera_info: the topic of a depth camera's calibration.
+        scan_height: m above the floor, lowest and highest, of what depth images and clouds show.
+        echo: of a scanner with several a beam: first, last or strongest.
         pose_delay: s, added to the stamps of the poses.
         max_gap: s, poses farther apart are not interpolated; 2.
         deskew: re-express scans that take time at the pose of their middle; True.
@@ -69,6 +77,9 @@ class Options(TypedDict, total=False):
     map_frame: str | None
     base_frame: str | None
     sensor_pose: Pose | None
+    camera_info: str | None
+    scan_height: tuple[float, float] | None
+    echo: Echo | None
     pose_delay: float | None
     max_gap: float | None
     deskew: bool
@@ -101,8 +112,12 @@ def survey(log: Log, notes: Notes, **options: Unpack[Options]) -> Drive:
         pose_delay_ns=round((options.get("pose_delay") or 0.0) * SECOND),
         max_gap_ns=round((options.get("max_gap") or MAX_GAP_NS / SECOND) * SECOND),
     )
+    look, asked = _look(log, options), options.get("camera_info") or ""
     topics = scan_topics(log, wishes.scan)
-    gathered = gather(log, notes, topics, pose_topics(log, wishes.pose))
+    pictures = [topic for topic in topics if SENSORS[topic.type].forward == 2]
+    cameras = {topic: info_topic(log, topic, asked) for topic in pictures}
+    infos = {topic for topic in cameras.values() if topic is not None}
+    gathered = gather(log, notes, topics, pose_topics(log, wishes.pose), infos)
     scans, clock, way, reason = _chosen(gathered, wishes)
     if way is None:
         raise no_poses(gathered, scans.topic, wishes)
@@ -111,6 +126,11 @@ def survey(log: Log, notes: Notes, **options: Unpack[Options]) -> Drive:
     times = clock.times(scans.stamps_ns, scans.logs_ns)
     window = _window(times - zero, options)
     keep = sift(scans, times, window, zero, notes, log.path)
+    sensor = SENSORS[scans.topic.type]
+    if scans.topic in cameras:
+        info = cameras[scans.topic]
+        camera = None if info is None else gathered.cameras[info]
+        look = look._replace(camera=calibration(log, scans.topic, camera))
     tell_missing(gathered, scans, way, keep, times, zero)
     keep &= way.valid
     choice = tell_choice(gathered, scans, way, keep, reason, bool(wishes.pose))
@@ -122,9 +142,12 @@ def survey(log: Log, notes: Notes, **options: Unpack[Options]) -> Drive:
     poses, upright = np.empty((len(rows), 3)), np.empty(len(rows))
     for part in blocks(len(rows)):
         swept = way.swept(rows[part], sweeps[part])
-        sweeps[part], poses[part] = swept.sweeps_ns, flat(swept.matrices)
+        sweeps[part], poses[part] = swept.sweeps_ns, flat(swept.matrices, sensor.forward)
         upright[part] = swept.matrices[:, 2, 2]
-    tell_attitude(scans, upright, notes, log.path)
+    if sensor.forward == 2:
+        tell_aim(scans, upright, notes, log.path)
+    elif not sensor.solid:
+        tell_attitude(scans, upright, notes, log.path)
     try:
         taken = gate(
             poses,
@@ -149,6 +172,7 @@ def survey(log: Log, notes: Notes, **options: Unpack[Options]) -> Drive:
         way=way,
         rows=rows[taken],
         sweeps_ns=sweeps[taken],
+        look=look,
     )
 
 
@@ -168,6 +192,18 @@ def frames(
             log.close()
     else:
         yield from survey(source, notes, **options).frames()
+
+
+def _look(log: Log, options: Options) -> Look:
+    """What the user says of heights and echoes."""
+    low, high = options.get("scan_height") or SLAB
+    if not low < high or not isfinite(high - low):
+        problem = f"--scan-height {low:g},{high:g} is not from a lower to a higher one"
+        raise UsageError(log.path, problem)
+    echo = options.get("echo") or "first"
+    if echo not in ECHOES:
+        raise UsageError(log.path, f"no echo {echo}", hint=f"there are {', '.join(ECHOES)}")
+    return Look((low, high), echo)
 
 
 def _window(since_ns: Times, options: Options) -> npt.NDArray[np.bool_]:

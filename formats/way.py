@@ -10,10 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from formats.clock import SECOND, Times
+from formats.depth import level_pose
 from formats.frame import Pose
+from formats.frame_names import is_base
 from formats.gathering import Gathered, ScanTimes
 from formats.log import Topic
 from formats.poses import Source
+from formats.sensing import SENSORS
 from formats.tf import Lookup
 from formats.track import (
     Floats,
@@ -28,6 +31,8 @@ from formats.track import (
 
 DRIFT_GAP_NS = 60 * SECOND  # odometry is trusted for so long between two poses in the map
 BLOCK = 4096  # scans placed at a time, so that memory does not grow with their number
+# A camera that looks along its body's x axis: x right, y down, z forward (REP-103).
+OPTICAL = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 Rows = npt.NDArray[np.intp]
 
 
@@ -44,8 +49,10 @@ def matrix(pose: Pose) -> Floats:
     return m
 
 
-def flat(m: Floats) -> Floats:
-    """(n, 3) x y yaw of (n, 4, 4): the heading is that of the x axis seen from above."""
+def flat(m: Floats, forward: int = 0) -> Floats:
+    """(n, 3) x y yaw of (n, 4, 4): the heading is that of an axis (0 is x) seen from above."""
+    if forward:
+        return np.array([level_pose(each, forward) for each in m]).reshape(-1, 3)
     return np.stack([m[:, 0, 3], m[:, 1, 3], np.arctan2(m[:, 1, 0], m[:, 0, 0])], axis=1)
 
 
@@ -102,10 +109,16 @@ class Way:
         return float(self.valid.mean()) if self.valid.size else 0.0
 
     def sensor(self, rows: Rows, moments_ns: Times) -> Lookup:
-        """The sensor in the map frame for some scans, at moments near their stamps."""
+        """The sensor in the map frame for some scans, at moments near their stamps.
+
+        Its height counts from the body's frame, whose z = 0 is the floor (REP-105), whatever the
+        height of the map; from the map's where the poses are of no base, but of a camera, say.
+        """
         body, mount = self.body(moments_ns), self.mount(rows)
         late = [gap._replace(bound_ns=gap.bound_ns + self.delay_ns) for gap in body.missing]
         placed = body.matrices @ mount.matrices
+        if is_base(self.source.base_frame):
+            placed[:, 2, 3] -= body.matrices[:, 2, 3]
         return Lookup(placed, body.valid & mount.valid, late + mount.missing)
 
     def body(self, moments_ns: Times) -> Lookup:
@@ -156,7 +169,10 @@ class Way:
         """The sensor on the body at each scan, by the frame that the scan names."""
         n, base, tree = len(rows), self.source.base_frame, self.gathered.tree
         if self.sensor_pose is not None:
-            fixed = np.broadcast_to(matrix(self.sensor_pose), (n, 4, 4))
+            mounted = matrix(self.sensor_pose)
+            if SENSORS[self.scans.topic.type].forward == 2:
+                mounted = mounted @ OPTICAL
+            fixed = np.broadcast_to(mounted, (n, 4, 4))
             return Lookup(fixed, np.ones(n, dtype=bool), [])
         found, valid = np.tile(np.eye(4), (n, 1, 1)), np.zeros(n, dtype=bool)
         missing: list[Missing] = []

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Mapping
 from math import inf
 from typing import Any, TypedDict
 
+from formats.depth import SLAB
+from formats.echo import Echo
 from formats.errors import UsageError
 from formats.frame import Pose
 from formats.grid import Update
@@ -23,6 +25,9 @@ class Options(TypedDict, total=False):
     map_frame: str
     base_frame: str
     sensor_pose: Pose | None
+    camera_info: str
+    scan_height: tuple[float, float]
+    echo: Echo
     pose_delay: float
     every: int
     readings_per_pose: int | None
@@ -57,6 +62,9 @@ READING: Options = {
     "map_frame": "",
     "base_frame": "",
     "sensor_pose": None,
+    "camera_info": "",
+    "scan_height": SLAB,
+    "echo": "first",
     "pose_delay": 0.0,
     "every": 1,
     "readings_per_pose": None,
@@ -98,6 +106,8 @@ RANGES: dict[str, tuple[float, float]] = {
     "plan_resolution": (1e-6, 1e3),
     "p_wall": (0.0, 1.0),
     "p_space": (0.0, 1.0),
+    "p_door": (0.0, 1.0),
+    "p_window": (0.0, 1.0),
     "p_outside": (0.0, 1.0),
     "prior_scale": (1e-9, 1.0),
     "p_hit": (0.0, 1.0),

@@ -32,6 +32,26 @@ class PoseType(click.ParamType[Pose]):
         return Pose(*numbers, *[0.0] * (3 - len(numbers)))
 
 
+class SpanType(click.ParamType[tuple[float, float]]):
+    """LOW,HIGH in metres."""
+
+    name = "LOW,HIGH"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, float]:
+        """The two heights, or a usage error that shows the form."""
+        if isinstance(value, tuple):
+            return value
+        try:
+            low, high = (float(part) for part in str(value).split(","))
+        except ValueError:
+            low = high = 0.0
+        if not -FARTHEST < low < high < FARTHEST:
+            self.fail(f"{value!r} is not LOW,HIGH (metres)", param, ctx)
+        return low, high
+
+
 PROBABILITY = click.FloatRange(0.0, 1.0)
 POSITIVE = click.FloatRange(0.0, min_open=True)
 NOT_NEGATIVE = click.FloatRange(0.0)

@@ -15,7 +15,8 @@ from formats.log import Topic
 from formats.ros import Undecodable, decoder
 from formats.ros_wire import Body
 from formats.scanning import scanner
-from formats.sensing import SENSORS, Motion
+from formats.sensing import SENSORS
+from formats.sensor import Motion
 from tests.ros_messages import ENCODINGS, LASER, NOETIC, plain, scan_message
 
 STILL = Motion(Pose(0.0, 0.0, 0.0), Pose(0.0, 0.0, 0.0))
