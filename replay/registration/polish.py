@@ -196,8 +196,16 @@ class Bench:
         out[:, 2] = (matrix[:, 2] - MARGIN + 0.5) * self.unit - 0.5 + self.low
         return out
 
-    def polish(self, matrix: Doubles, rounds: tuple[float, ...]) -> Doubles:
-        """The place after some rounds, each with its multiple of the tolerance."""
+    def polish(
+        self, matrix: Doubles, rounds: tuple[float, ...], held: float | None = None
+    ) -> Doubles:
+        """The place after some rounds, each with its multiple of the tolerance.
+
+        Args:
+            matrix: (2, 3) map cells -> plan pixels.
+            rounds: multiples of the tolerance.
+            held: plan pixels a map cell, to be kept; None: the scale is polished too.
+        """
         flip = -1.0 if np.linalg.det(matrix[:, :2]) < 0 else 1.0
         now = self._in(matrix)
         scale = float(np.hypot(now[0, 0], now[1, 0]))
@@ -213,6 +221,8 @@ class Bench:
             left[np.diag_indices(4)] += weak * np.array([spread, spread, 1.0, 1.0])
             a, b, x, y = np.linalg.solve(left, right)
             a, b = now[0, 0] + a, now[1, 0] + b
+            if held is not None:
+                a, b = np.array([a, b]) * held / (self.unit * np.hypot(a, b))
             now = np.array([[a, -b * flip, now[0, 2] + x], [b, a * flip, now[1, 2] + y]])
         now[:, 2] -= now[:, :2] @ middle
         return self._out(now)

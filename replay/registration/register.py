@@ -20,6 +20,8 @@ METRIC = (0.4, 8.0)  # the same where the cells are of a known size: plans of 0.
 SHARE = (0.1, 1.6)  # of the plan's longer side that the map's takes
 EACH, MOST, KEPT = 16, 120, 60  # candidates of each scale, of the only one, polished to the end
 COARSE, FINE = (4.0, 3.0, 3.0, 2.0, 2.0), (3.0, 2.0, 2.0, 1.5, 1.5, 1.0, 1.0, 1.0, 1.0, 1.0)
+HELD, SHARP = (2.0, 1.5, 1.0, 1.0), (0.7, 0.5, 0.5, 0.35, 0.35)
+BENT = 0.02  # of the score, which a map bent by drift loses when it is held to its scale
 APART = 0.1  # of the map's diagonal: nearer places are one
 RUNNERS = 5
 MIRROR = 0.04  # what being mirrored costs of the score: plans seldom are
@@ -139,9 +141,21 @@ def align(
     fits = [f for f in fits if within[0] < f.scale < within[1]]
     if not fits:
         raise FormatError(name, "no place on the plan fits it at all")
-    best = distinct(fits, seen)[: 1 + RUNNERS]
+    known = scale if isinstance(scale, float) else None
+    best = [_sharpened(bench, fit, known) for fit in distinct(fits, seen)[: 1 + RUNNERS]]
+    best.sort(key=_rank, reverse=True)
     places = [_place(fit.matrix @ whole_of(seen), fit) for fit in best]
     return Alignment(places, confidence([_rank(f) for f in best]), perf_counter() - started)
+
+
+def _sharpened(bench: Bench, fit: Fit, known: float | None) -> Fit:
+    """The last rounds; with the known scale to the letter, where that fits about as well."""
+    if known is not None:
+        held = bench.weigh(bench.polish(fit.matrix, HELD + SHARP, known))
+        if held.score >= fit.score - BENT:
+            return held
+    sharp = bench.weigh(bench.polish(fit.matrix, SHARP))
+    return sharp if sharp.score >= fit.score - BENT else fit
 
 
 def align_place(seen: Seen, walls: Mask, matrix: Doubles) -> Place:
