@@ -126,7 +126,9 @@ def write_plan(folder: Path, name: str = "plan") -> Path:
 
 def definitions(log: RosLog) -> tuple[list[Any], dict[tuple[str, str], int]]:
     """MCAP schemas and channels of a log, and the channel of each (topic, type)."""
-    types, records, channels = store(2), [], {}
+    types = store(2)
+    records: list[Any] = []
+    channels: dict[tuple[str, str], int] = {}
     for _, topic, name, _, _ in log.happened:
         if (topic, name) not in channels:
             number = channels[topic, name] = len(channels) + 1
