@@ -44,17 +44,23 @@ def mount() -> tuple[float, ...]:
     return (MOUNT, 0.0, HEIGHT, *(float(number) for number in turn.as_quat()))
 
 
-def rays() -> Floats:
-    """(ROWS, COLUMNS, 3): for 1 m of depth, in the base's axes."""
-    u, v = np.meshgrid(np.arange(COLUMNS), np.arange(ROWS))
-    seen = [(u - (COLUMNS - 1) / 2) / FOCAL, (v - (ROWS - 1) / 2) / FOCAL, np.ones(u.shape)]
+def rays(columns: int = COLUMNS) -> Floats:
+    """(ROWS, columns, 3): for 1 m of depth, in the base's axes."""
+    u, v = np.meshgrid(np.arange(columns), np.arange(ROWS))
+    focal = FOCAL * columns / COLUMNS
+    seen = [(u - (columns - 1) / 2) / focal, (v - (ROWS - 1) / 2) / FOCAL, np.ones(u.shape)]
     found: Floats = np.stack(seen, axis=-1) @ camera_at(HEIGHT, pitch=float(PITCH))[:3, :3].T
     return found
 
 
-def depth(pose: Floats) -> Floats:
-    """(ROWS, COLUMNS) m along the optical axis: walls, floor and ceiling, pixel by pixel."""
-    ahead, left, up = np.moveaxis(rays(), -1, 0)
+def half_view(columns: int = COLUMNS) -> float:
+    """Rad from the middle to the outermost column."""
+    return float(np.arctan((columns - 1) / 2 / (FOCAL * columns / COLUMNS)))
+
+
+def depth(pose: Floats, columns: int = COLUMNS) -> Floats:
+    """(ROWS, columns) m along the optical axis: walls, floor and ceiling, pixel by pixel."""
+    ahead, left, up = np.moveaxis(rays(columns), -1, 0)
     angles = (pose[2] + np.arctan2(left, ahead)).ravel()
     wall = cast(boxes(), *sensor_xy(pose), angles, 20.0).reshape(ahead.shape)
     with np.errstate(divide="ignore"):
@@ -62,14 +68,14 @@ def depth(pose: Floats) -> Floats:
     return np.minimum(wall / np.hypot(ahead, left), flat)
 
 
-def drive_of(kind: str, step: int = 25) -> RosLog:
-    """The drive as "laser", "depth" or "cloud"."""
+def drive_of(kind: str, step: int = 25, columns: int = COLUMNS) -> RosLog:
+    """The drive as "laser", "depth" or "cloud", of so many columns or beams."""
     frame = "camera_depth_optical_frame"
     log = RosLog()
     log.static("base_footprint", frame, mount())
     log.static("base_footprint", "laser", (MOUNT, 0.0, HEIGHT, *seven((0, 0, 0))[3:]))
-    wide = np.arctan((COLUMNS - 1) / 2 / FOCAL)
-    angles = np.linspace(-wide, wide, COLUMNS)
+    wide = half_view(columns)
+    angles = np.linspace(-wide, wide, columns)
     for t, pose in zip(*poses(step), strict=True):
         log.tf(t, "map", "base_footprint", pose.tolist())
         if kind == "laser":
@@ -77,11 +83,11 @@ def drive_of(kind: str, step: int = 25) -> RosLog:
             ranges[~np.isfinite(ranges)] = np.nan
             log.scan(t, ranges, angle_min=-wide, increment=angles[1] - angles[0])
             continue
-        metres = depth(pose)
+        metres = depth(pose, columns)
         if kind == "depth":
             picture(log, t, metres, frame)
         else:
-            cloud(log, t, (rays() * metres[..., None]).reshape(-1, 3))
+            cloud(log, t, (rays(columns) * metres[..., None]).reshape(-1, 3))
     return log
 
 
@@ -102,7 +108,9 @@ def picture(
     name = "/camera/depth/image_raw"
     log.say(t, name, "sensor_msgs/msg/Image", **{**made, **fields})
     if info:
-        camera_info(log, t, header)
+        focal = FOCAL * columns / COLUMNS
+        k = [focal, 0, (columns - 1) / 2, 0, FOCAL, (rows - 1) / 2, 0, 0, 1]
+        camera_info(log, t, header, width=columns, k=k)
 
 
 def camera_info(log: RosLog, t: float, header: Any, **fields: Any) -> None:
