@@ -15,8 +15,8 @@ import numpy as np
 
 from formats.errors import FormatError, Notes
 from formats.frame import Pose
-from formats.ink import Picture
 from formats.map_yaml import MapYaml
+from formats.paper import Asked, Opened
 
 LARGEST = 64 << 20  # bytes of text
 MOST_CELLS = 10_000_000
@@ -54,8 +54,8 @@ def values_of(data: bytes) -> MapYaml | None:
 
 
 def open_map_text(
-    path: Path, data: bytes, _values: MapYaml | None, _invert: bool | None, _notes: Notes
-) -> Picture:
+    path: Path, data: bytes, _values: MapYaml | None, _asked: Asked, _notes: Notes
+) -> Opened:
     """Grey and occupancy of such a map.
 
     Raises:
@@ -80,7 +80,7 @@ def open_map_text(
         raise FormatError(path, "cells that are neither -1 nor from 0 to 1")
     occupancy = np.where(unknown, -1, np.rint(100 * (1 - table))).astype(np.int8)
     grey = np.where(unknown, UNKNOWN_GREY, np.rint(255 * table)).astype(np.uint8)
-    return _upright(grey), _upright(occupancy)
+    return (_upright(grey), _upright(occupancy)), None
 
 
 def _upright(table: np.ndarray) -> np.ndarray:

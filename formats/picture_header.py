@@ -8,10 +8,11 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 MAX_PIXELS = 200_000_000
 MAX_BYTES = 420_000_000  # decoded; cv2 holds a PNG twice, and all shall stay under 1 GB
+INCH = 0.0254  # m
 EXIF = b"Exif\x00\x00"
 
 
@@ -36,6 +37,7 @@ class Header:
         turn: EXIF orientation still to be applied, 1 (upright) to 8.
         pages: pictures in the file; the first is read.
         clear: the grey that stands for transparent in a grey PNG (tRNS), None where none does.
+        paper: m of paper a pixel, None where the file does not say.
     """
 
     kind: str
@@ -47,6 +49,7 @@ class Header:
     turn: int = 1
     pages: int = 1
     clear: int | None = None
+    paper: float | None = None
 
     def check_size(self, *, colour: bool = True) -> None:
         """Refuse what would not fit into memory.
@@ -74,6 +77,11 @@ def cut(place: int) -> PictureError:
     return PictureError(f"the picture is cut at byte {place}", "copy it again")
 
 
+def _paper(dots: float, unit: float | None) -> float | None:
+    """Metres of paper a pixel, of the pixels in a unit of so many m."""
+    return unit / dots if unit and dots > 0 else None
+
+
 def read_png(data: bytes) -> Header:
     """Size, depth, transparency and turn of a PNG whose chunks are all there and intact (CRC).
 
@@ -83,6 +91,7 @@ def read_png(data: bytes) -> Header:
     header: Header | None = None
     turn, bits, alpha, content = 1, 8, False, False
     clear: int | None = None
+    paper: float | None = None
     for name, body in _png_chunks(data):
         if name == b"IHDR":
             if len(body) != 13 or header is not None:
@@ -99,12 +108,14 @@ def read_png(data: bytes) -> Header:
             alpha = header.channels > 1
         elif name == b"eXIf":
             turn = exif_turn(body)
+        elif name == b"pHYs" and len(body) == 9 and body[8] == 1:  # in pixels a metre
+            paper = _paper(struct.unpack(">I", body[:4])[0], 1.0)
         content = content or name == b"IDAT"
     if header is None or not content:
         raise PictureError("the PNG holds no picture")
     channels = 4 if alpha else header.channels
     size = header.width, header.height
-    return Header("PNG", *size, channels, header.depth, alpha, turn, clear=clear)
+    return Header("PNG", *size, channels, header.depth, alpha, turn, clear=clear, paper=paper)
 
 
 def _png_chunks(data: bytes) -> Iterator[tuple[bytes, bytes]]:
@@ -133,6 +144,7 @@ def read_jpeg(data: bytes) -> Header:
         PictureError: cut, or without a frame header.
     """
     at, turn = 2, 1
+    paper: float | None = None
     while at + 4 <= len(data):
         if data[at] != 0xFF:
             raise PictureError(f"the picture is damaged at byte {at}", "copy it again")
@@ -144,13 +156,15 @@ def read_jpeg(data: bytes) -> Header:
         body = data[at + 4 : at + 2 + size]
         if mark == 0xE1 and body.startswith(EXIF):
             turn = exif_turn(body[len(EXIF) :])
+        if mark == 0xE0 and body.startswith(b"JFIF\0") and len(body) >= 10:
+            paper = _paper(int.from_bytes(body[8:10], "big"), {1: INCH, 2: 0.01}.get(body[7]))
         if 0xC0 <= mark <= 0xCF and mark not in (0xC4, 0xC8, 0xCC):
             if len(body) < 6:
                 raise cut(len(data))
             if data.rfind(b"\xff\xd9") < at:
                 raise cut(len(data))
             depth, height, width, channels = struct.unpack(">BHHB", body[:6])
-            return Header("JPEG", width, height, channels, depth, turn=turn)
+            return Header("JPEG", width, height, channels, depth, turn=turn, paper=paper)
         at += 2 + size
     raise cut(len(data))
 
@@ -173,6 +187,9 @@ def read_tiff(data: bytes) -> Header:
     if depth > 16:
         raise PictureError(f"TIFF samples of {depth} bits are not read", "save it with 8 or 16")
     header = Header("TIFF", width, height, channels, depth, alpha, pages=2 if following else 1)
+    over, under = tags[282] if len(tags.get(282, ())) == 2 else (0, 1)
+    unit = {1: None, 2: INCH, 3: 0.01}.get(tags.get(296, (2,))[0])
+    header = replace(header, paper=_paper(over / under, unit) if under else None)
     header.check_size(colour=False)  # before the file is called cut
     for offsets, sizes in ((273, 279), (324, 325)):
         pairs = zip(tags.get(offsets, ()), tags.get(sizes, ()), strict=False)
@@ -194,7 +211,7 @@ def exif_turn(data: bytes) -> int:
 
 
 def tiff_tags(data: bytes, order: str) -> tuple[dict[int, tuple[int, ...]], int]:
-    """Whole-number tags of the first directory, and where the next directory is (0: nowhere).
+    """Whole and rational numbers of the first directory, where the next one is (0: nowhere).
 
     Raises:
         PictureError: the directory lies outside of the data.
@@ -211,7 +228,8 @@ def tiff_tags(data: bytes, order: str) -> tuple[dict[int, tuple[int, ...]], int]
             raise cut(len(data))
         for place in range(at, at + count * entry, entry):
             tag, kind, n = struct.unpack_from(f"{order}HH{word}", data, place)
-            code = {1: "B", 3: "H", 4: "I", 16: "Q"}.get(kind)
+            code = {1: "B", 3: "H", 4: "I", 5: "I", 16: "Q"}.get(kind)
+            n *= 2 if kind == 5 else 1  # a rational is two numbers
             if code is None or n > len(data):
                 continue
             value = place + 4 + inline

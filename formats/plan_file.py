@@ -7,14 +7,27 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+from formats.apart import opener
 from formats.errors import FormatError, Notes, UsageError
 from formats.errors import Path as AnyPath
 from formats.frame import Pose
 from formats.grid_in_log import plan_of_log, topic_in
-from formats.ink import Picture, drawn, paper_grey
+from formats.ink import drawn, paper_grey
 from formats.map_file import cells_of
 from formats.map_text import is_map_text, open_map_text, text_inside, values_of
 from formats.map_yaml import MapYaml, read_map_yaml
+from formats.paper import (
+    Asked,
+    Distance,
+    Opened,
+    Sheet,
+    is_drawing,
+    is_dxf,
+    is_pdf,
+    is_svg,
+    measured,
+    resolution_of,
+)
 from formats.plan import Cells, Extent, Mask, Plan, overlap
 from formats.raster import Grey, is_picture, read_raster
 
@@ -43,8 +56,12 @@ def open_plan(
     resolution: float | None = None,
     origin: Pose | None = None,
     invert: bool | None = None,
+    page: int = 0,
+    dpi: float | None = None,
+    drawing_scale: float | None = None,
+    distance: Distance | None = None,
 ) -> Plan:
-    """Read a plan: a picture, with the map yaml given or of its stem beside it, or a map yaml.
+    """Read a plan: a picture or drawing, with the map yaml given or of its stem, or a map yaml.
 
     A map of Wean Hall's kind (text) says its own scale; `LOG:/map` is the last OccupancyGrid on a
     topic of a log (see grid_in_log).
@@ -59,6 +76,11 @@ def open_plan(
         resolution: m a pixel; overrules the yaml's.
         origin: pose of the lower left corner; overrules the yaml's.
         invert: True or False: whether the ink is light, instead of looking.
+        page: of a PDF, from 0.
+        dpi: pixels an inch that PDF and SVG are rendered at, or that a picture was scanned at.
+        drawing_scale: 200 of 1:200; None: the one that a PDF's or an SVG's text names.
+        distance: x1, y1, x2, y2 in pixels, y down, and the m between; overrules the yaml's
+            resolution too.
 
     Raises:
         FormatError: not readable, too large, damaged, of one colour, or without any wall; faults
@@ -77,6 +99,13 @@ def open_plan(
         picture = _pictured(picture, values.image, notes) if values else picture
     else:
         text = Path(yaml) if yaml is not None else _yaml_beside(picture)
+        if (
+            text
+            and yaml is None
+            and is_drawing(_bytes(picture, 4096))
+            and not _names(text, picture)
+        ):
+            text = None  # it tells of the pixels of another picture
         values = _read_yaml(text, notes, inputs, picture=True) if text else None
         if text and values and Path(values.image).name != picture.name:
             said = f"says {values.image!r}" if values.image else "is missing"
@@ -85,13 +114,33 @@ def open_plan(
     inputs[str(picture)] = hashlib.sha256(data).hexdigest()
     data = text_inside(data)
     values = values or values_of(data)
-    grey, occupancy = _opener(picture, data)(picture, data, values, invert, notes)
+    if distance is not None:
+        resolution = measured(picture, distance, resolution)
+    wanted = values.resolution if values and resolution is None else resolution
+    asked = Asked(invert, page, dpi, None if distance else wanted, drawing_scale)
+    (grey, occupancy), sheet = _opener(picture, data)(picture, data, values, asked, notes)
     _check(picture, grey, occupancy)
+    if wanted is None:
+        resolution = _by_scale(picture, sheet, asked, notes)
     if values:
         resolution = values.resolution if resolution is None else resolution
         origin = values.origin if origin is None else origin
     place = origin or Pose(0.0, 0.0, 0.0)
     return Plan(picture, grey, occupancy, resolution, place, origin is not None, inputs)
+
+
+def _by_scale(path: Path, sheet: Sheet | None, asked: Asked, notes: Notes) -> float | None:
+    """Metres a pixel of a drawing by its own word.
+
+    Raises:
+        UsageError: a drawing scale is given, and nothing says how large a pixel is on paper.
+    """
+    resolution, remark = resolution_of(sheet, asked)
+    if remark:
+        notes.warn(path, remark)
+    if resolution is None and asked.drawing_scale is not None:
+        raise UsageError(path, "nothing says how many dots an inch it has", hint="give --plan-dpi")
+    return resolution
 
 
 def _check_file(path: Path) -> None:
@@ -132,6 +181,12 @@ def _is_yaml(path: Path) -> bool:
     return b"\0" not in head and bool(re.search(rb"^(image|resolution):\s", head, re.MULTILINE))
 
 
+def _names(yaml: Path, picture: Path) -> bool:
+    """Whether a map yaml's image is this very picture."""
+    found = re.search(rb"^image:[ \t]*(.*)$", _bytes(yaml, 65_536), re.MULTILINE)
+    return found is not None and picture.name.encode() in found[1]
+
+
 def _read_yaml(path: Path, notes: Notes, inputs: dict[str, str], *, picture: bool) -> MapYaml:
     data = _bytes(path)
     inputs[str(path)] = hashlib.sha256(data).hexdigest()
@@ -167,35 +222,37 @@ def _exists(path: Path) -> bool:
         return False
 
 
-Opener = Callable[[Path, bytes, "MapYaml | None", "bool | None", Notes], Picture]
+Opener = Callable[[Path, bytes, MapYaml | None, Asked, Notes], Opened]
 
 
 def open_raster(
-    path: Path, data: bytes, values: MapYaml | None, invert: bool | None, notes: Notes
-) -> Picture:
-    """Grey and occupancy of a picture of pixels."""
+    path: Path, data: bytes, values: MapYaml | None, asked: Asked, notes: Notes
+) -> Opened:
+    """Grey and occupancy of a picture of pixels, and its size on paper."""
     raster = read_raster(path, data, notes, colour=values is not None)
     if values is not None:
         if raster.header.turn != 1:
             notes.warn(path, "its EXIF turn is ignored, since a map yaml holds for the stored rows")
         occupancy = cells_of(path, raster, values, notes)
-        return raster.grey(upright=False), occupancy
+        return (raster.grey(upright=False), occupancy), None
     grey = paper_grey(path, raster, notes)
+    sheet = Sheet(grey, raster.header.paper)
     del raster  # several times the size of the grey
-    return drawn(path, grey, invert, notes)
+    return drawn(path, grey, asked.invert, notes), sheet
 
 
 OPENERS: tuple[tuple[Callable[[bytes], bool], Opener], ...] = (
     (is_picture, open_raster),
     (is_map_text, open_map_text),
+    (is_pdf, opener("pdf")),
+    (is_svg, opener("svg")),
+    (is_dxf, opener("dxf")),
 )
 """What the first 4 KiB tell -> what reads it."""
 
 STRANGERS = (
     (rb"version https://git-lfs", "is a Git LFS pointer, not the picture; run `git lfs pull`"),
-    (rb"%PDF", "is a PDF, which is not read; save it as PNG"),
-    (rb"\s*<[^\0]*<svg|\s*<svg", "is an SVG, which is not read; save it as PNG"),
-    (rb"\s*0\r?\n\s*SECTION", "is a DXF, which is not read; save it as PNG"),
+    (rb"AC10\d\d", "is a DWG, which is not read; save it as DXF or PDF"),
     (rb"\x89MCAP|#ROSBAG|SQLite format 3", "is a log, not a plan; a map in it is LOG:/TOPIC"),
 )
 
@@ -209,13 +266,15 @@ def _opener(path: Path, data: bytes) -> Opener:
     head = data[:4096]
     if not head:
         raise FormatError(path, "is empty (0 bytes)")
-    for fits, opener in OPENERS:
+    for fits, opens in OPENERS:
         if fits(head):
-            return opener
+            return opens
     for pattern, what in STRANGERS:
         if re.match(pattern, head, re.DOTALL):
             raise FormatError(path, what)
-    raise FormatError(path, "is not a picture that is read", hint="give PNG, PGM, JPEG or TIFF")
+    raise FormatError(
+        path, "is not a picture that is read", hint="give PNG, JPEG, TIFF, PDF, SVG or DXF"
+    )
 
 
 def _check(path: Path, grey: Grey, occupancy: Cells) -> None:

@@ -145,6 +145,10 @@ def plan(
     truth: AnyPath | None = None,
     output: AnyPath | None = None,
     plan_resolution: float | None = None,
+    plan_page: int = 1,
+    plan_dpi: float | None = None,
+    drawing_scale: float | None = None,
+    plan_distance: tuple[float, float, float, float, float] | None = None,
     force: bool = False,
     notes: Notes | None = None,
 ) -> dict[str, Any]:
@@ -156,6 +160,10 @@ def plan(
         truth: CVC-FP's SVG, mlstructfp's JSON, or a mask.
         output: stem of the files' names; None: the drawing's, in the current folder.
         plan_resolution: m a pixel.
+        plan_page: of a PDF, from 1.
+        plan_dpi: pixels an inch that a PDF or SVG is rendered at, or a picture was scanned at.
+        drawing_scale: 200 of 1:200.
+        plan_distance: x1, y1, x2, y2 in pixels, and the m between.
         force: replace files that exist.
         notes: gets what was odd.
 
@@ -173,7 +181,15 @@ def plan(
     names = {kind: Path(f"{stem}_{kind}") for kind in ("overlay.png", "plan.geojson", "walls.pgm")}
     for name in names.values():
         check_output(name, force=force, inputs=inputs)
-    opened = open_plan(path, notes, resolution=plan_resolution)
+    opened = open_plan(
+        path,
+        notes,
+        resolution=plan_resolution,
+        page=plan_page - 1,
+        dpi=plan_dpi,
+        drawing_scale=drawing_scale,
+        distance=plan_distance,
+    )
     reading = read_drawing(opened, method)
     drawing = reading.drawing
     facts: dict[str, Any] = {

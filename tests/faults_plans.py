@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tests import pictures
+from tests.drawing_files import pdf, svg
 from tests.faults_case import Given, Table
 from tests.faults_world import PIXEL, YAML, drive, plan_pixels, write_plan
 from tests.formats.test_map_yaml import FAULTS
@@ -157,10 +158,15 @@ table(72, "no suffix", quiet=True)(partial(picture, data=png(ROOM), name="drawin
 table(72, "EXIF turn", quiet=True)(
     partial(picture, data=pictures.tiff(np.rot90(ROOM), turn=6), name="drawing.tif")
 )
-table(72, "SVG", "SVG", code=1)(
-    partial(picture, data=b"<svg xmlns='http://www.w3.org/2000/svg'/>", name="drawing.svg")
+table(72, "SVG without a size", "SVG", code=1)(partial(picture, data=svg(head="")))
+table(72, "SVG of 10^9 pixels", "beyond reason", code=1)(
+    partial(picture, data=svg(head="width='1e9' height='1e9'"), name="drawing.svg")
 )
-table(72, "PDF", "PDF", code=1)(partial(picture, data=b"%PDF-1.7\n", name="drawing.pdf"))
+table(72, "PDF cut", "PDF", code=1)(partial(picture, data=b"%PDF-1.7\n", name="drawing.pdf"))
+table(72, "PDF of an empty page", "every pixel is white", code=1)(partial(picture, data=pdf()))
+table(72, "DXF cut", "is cut", code=1)(
+    partial(picture, data=b"  0\nSECTION\n  2\nENT", name="drawing.dxf")
+)
 table(72, "PNG cut", "cut", code=1)(partial(picture, data=png(ROOM)[:-30]))
 table(72, "PNG with a flipped bit", "", code=1)(
     lambda d: picture(d, (lambda b: b[:70] + bytes([b[70] ^ 4]) + b[71:])(png(ROOM)))

@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from formats.errors import Notes
+from replay.cli.drawing_values import DISTANCE, SCALE
 from replay.cli.values import POSITIVE, answer, ending, say
 
 
@@ -28,6 +29,21 @@ from replay.cli.values import POSITIVE, answer, ending, say
 )
 @click.option("--plan-resolution", metavar="M", type=POSITIVE, help="Metres a pixel.")
 @click.option(
+    "--plan-page",
+    metavar="N",
+    type=click.IntRange(1),
+    default=1,
+    help="Page of a PDF.  [default: 1]",
+)
+@click.option("--plan-dpi", metavar="D", type=POSITIVE, help="Dots an inch to render or scanned.")
+@click.option("--drawing-scale", metavar="1:N", type=SCALE, help="Scale of the drawing on paper.")
+@click.option(
+    "--plan-distance",
+    metavar="X1,Y1,X2,Y2=M",
+    type=DISTANCE,
+    help="Two points in pixels, y down, and the metres between.",
+)
+@click.option(
     "-o",
     "--output",
     metavar="DIR-or-STEM",
@@ -42,6 +58,7 @@ def command(path: Path, as_json: bool, **options: Any) -> int:
     \b
     Examples:
       replay plan plan.png
+      replay plan office.pdf --drawing-scale 1:200
       replay plan drawing.png --truth drawing_gt.svg --json
     """
     from replay import plan

@@ -316,11 +316,11 @@ def test_a_map_without_a_wall(tmp_path: Path) -> None:
         (b"", "is empty"),
         (b"hello", "is not a picture that is read; give PNG"),
         (b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n", "Git LFS pointer"),
-        (b"%PDF-1.7\n", "is a PDF"),
-        (b"<?xml version='1.0'?>\n<!-- x -->\n<svg xmlns=''/>", "is an SVG"),
-        (b"<svg/>", "is an SVG"),
+        (b"%PDF-1.7\n", "the PDF is damaged or cut"),
+        (b"<?xml version='1.0'?>\n<!-- x -->\n<svg xmlns=''/>", "is XML, but no SVG"),
+        (b"<svg/>", "is XML, but no SVG"),
         (b"<!-- -->" * 500, "is not a picture that is read"),  # and no regex runs away on it
-        (b"  0\nSECTION\n", "is a DXF"),
+        (b"  0\nSECTION\n", "the DXF is cut"),
         (b"\x89MCAP0\r\n", "is a log"),
         (b"#ROSBAG V2.0\n", "is a log"),
         (b"SQLite format 3\0", "is a log"),
@@ -352,7 +352,8 @@ def test_a_file_beyond_reason_is_not_read(tmp_path: Path) -> None:
 
 
 def test_every_opener_is_tried_here(tmp_path: Path) -> None:
-    assert len(OPENERS) == 2  # a new one needs its own test of a plan; the second: test_map_text.py
+    # A new one needs its own test of a plan: test_map_text.py, test_plan_drawings.py.
+    assert len(OPENERS) == 5
     assert OPENERS[0][0](png(ROOM))
 
 
