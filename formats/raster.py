@@ -232,7 +232,8 @@ def _plain_numbers(text: bytes, wanted: int) -> Pixels:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
-            values = np.fromstring(text.decode("ascii"), dtype=np.int32, sep=" ", count=wanted)
+            # Not by `count`: where there are fewer, numpy 2.4 fills up with whatever was in memory.
+            values = np.fromstring(text.decode("ascii"), dtype=np.int32, sep=" ")[:wanted]
         except (ValueError, DeprecationWarning):
             raise PictureError("the PGM is cut, or not all of it is numbers", COPY_AGAIN) from None
     if len(values) < wanted:
