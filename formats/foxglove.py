@@ -167,13 +167,15 @@ def point_cloud(values: Values) -> Cloud:
     found = points(data, (1, count), (count * step, step), fields, "<")
     pose = pose_of(values)
     if pose != STILL:
-        found = found @ rotation(pose).T + np.array(pose[:3])
+        with np.errstate(over="ignore", invalid="ignore"):  # garbage in, inf or nan out
+            found = found @ rotation(pose).T + np.array(pose[:3])
     return Cloud(*head(values), found)
 
 
 def rotation(pose: Numbers) -> npt.NDArray[np.float64]:
     """The (3, 3) rotation of a pose whose quaternion may be of any length but 0."""
-    x, y, z, w = np.array(pose[3:]) / (np.linalg.norm(pose[3:]) or 1.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        x, y, z, w = np.array(pose[3:]) / (np.linalg.norm(pose[3:]) or 1.0)
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
