@@ -9,8 +9,8 @@ from formats.errors import FormatError, UsageError, printable
 from formats.frame import Pose
 from formats.gathering import POSE_TYPES, TF_TYPES, Gathered, ScanTimes, decoder_of
 from formats.log import Log, Topic
-from formats.poses import KINDS, Source, base_of, fixed_frames, kind_of, odom_frames
 from formats.pictures_of_depth import depth_topics
+from formats.poses import KINDS, Source, base_of, fixed_frames, kind_of, odom_frames
 from formats.sensing import SENSORS
 from formats.tf import plain
 from formats.track import MAX_GAP_NS

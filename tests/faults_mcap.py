@@ -243,7 +243,7 @@ def _(d: Path) -> Path:
     log, first, second = drive(), mcap_of(drive()), mcap_of(drive())
     half = len(log.happened) // 2
     for made, part in ((first, log.happened[:half]), (second, log.happened[half:])):
-        made.__init__(chunk_messages=8)  # type: ignore[misc]
+        made.__init__(chunk_messages=8)
         some = replace(log, happened=part)
         made.add(*definitions(some)[0], *messages(some))
     return put(d, first.finish() + second.finish())
