@@ -13,7 +13,7 @@ from formats.result import Step
 Bools = npt.NDArray[np.bool_]
 Colour = tuple[int, int, int]
 MOST_CELLS = 4_000_000  # a larger map is shown at a lower resolution
-MOST_POINTS = 400  # of a scan
+MOST_POINTS = 270  # of a scan
 HORIZON = 1e4  # m, farther than any range sensor sees
 # Okabe and Ito's palette: told apart with any colour vision. Red, green, blue.
 FOUND, MISSED, FALSE = (0, 114, 178), (230, 159, 0), (204, 121, 167)

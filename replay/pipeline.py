@@ -12,7 +12,7 @@ from replay.scoring import Scorer
 from replay.world import World
 
 EARLY = 8  # the first keyframes are 0, 1, 3, 7, ..., since most changes there
-KEYFRAMES = 90
+KEYFRAMES = 50
 
 
 def keyframes(frames: int) -> set[int]:

@@ -35,7 +35,7 @@ from replay.pictures import (
 from replay.viewer_process import start_viewer
 from replay.world import World
 
-BATCH = 64  # frames a column batch: small enough to look live, large enough to cost nothing
+BATCH = 256  # frames a column batch: small enough to look live, large enough to cost little
 METRICS = {"precision": "Precision", "recall": "Recall", "f2": "F2"}
 
 

@@ -13,7 +13,6 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import gaussian_filter1d
 
 from replay.drawing.ink import Bits, directions, grown
 
@@ -79,6 +78,8 @@ def _covers(arc: Arc, seed: Seed) -> bool:
 
 def _seeds(thin: Bits, smallest: float, largest: float) -> list[Seed]:
     """Circles of the bent stretches of the ink's outlines, longest first."""
+    from scipy.ndimage import gaussian_filter1d  # 0.1 s to import, and many plans show no arc
+
     contours, _ = cv2.findContours(thin, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
     out: list[Seed] = []
     for contour in contours:
