@@ -45,6 +45,8 @@ class McapWriter:
         compression: str = "zstd",
         without: Collection[int] = (),
     ) -> None:
+        if compression not in ("", "zstd"):
+            raise ValueError(f"chunks are written as zstd or plain, not {compression!r}")
         self._file, self._compression, self._without = file, compression, frozenset(without)
         self._at, self._crc = 0, 0  # bytes written, and their checksum
         self._chunk = bytearray()  # the open one

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Sequence
 from io import BytesIO
@@ -261,3 +262,10 @@ def write(writer: McapWriter, kind: str, fields: dict[str, Any]) -> None:
         writer.metadata(fields["name"], fields["metadata"])
     else:
         assert kind == "Header"
+
+
+def test_other_compressions_are_refused_before_anything_is_written() -> None:
+    file = io.BytesIO()
+    with pytest.raises(ValueError, match="zstd or plain"):
+        McapWriter(file, compression="lz4")
+    assert file.getvalue() == b""
