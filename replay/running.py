@@ -16,6 +16,7 @@ import numpy as np
 from formats.errors import Notes, UsageError
 from formats.output import check_output
 from formats.plan_file import open_plan
+from formats.prior_values import read_prior_values
 from formats.result import Result
 from formats.result_file import ResultWriter
 from formats.stream import open_log, survey
@@ -40,6 +41,7 @@ def run(
     view: bool = False,
     connect: str | None = None,
     align: Source | None = None,
+    prior_values: Source | None = None,
     notes: Notes | None = None,
     progress: Callable[[int, int], None] | None = None,
     say: Callable[[str], object] = print,
@@ -57,6 +59,7 @@ def run(
         view, connect: stream to a viewer, a new one or the one at an address.
         align: a placement that `replay align` wrote; without one, and without a place of its own,
             the plan is laid under the log here.
+        prior_values: values of the prior that `replay tune` wrote; options go before them.
         notes: gets what was odd, skipped or lost.
         progress: is told (done, expected) scans.
         say: is told when the viewer is gone.
@@ -69,12 +72,14 @@ def run(
         FormatError: an input cannot be used, or an output cannot be written.
         UsageError: several topics fit, or an option is not possible.
     """
-    notes, clock, chosen = Notes() if notes is None else notes, Clock(), effective(options)
+    notes, clock = Notes() if notes is None else notes, Clock()
+    values = read_prior_values(prior_values).options() if prior_values else {}
+    chosen = effective({**values, **options})
     sources = [Path(logs)] if isinstance(logs, str | PathLike) else [Path(log) for log in logs]
     if chosen["sensor"] not in MODELS:
         hint = f"there are {', '.join(MODELS)}"
         raise UsageError(chosen["sensor"], "no such sensor model", hint=hint)
-    inputs = [*sources, *(Path(path) for path in (prior, truth, align) if path)]
+    inputs = [*sources, *(Path(path) for path in (prior, truth, align, prior_values) if path)]
     out = Path(output) if output else Path(f"{stem(sources[0])}.replay.mcap")
     written = [out, *([Path(rrd)] if rrd else [])]
     for path in written:
@@ -111,7 +116,13 @@ def run(
             curves=world.curves,
             main=main,
             layers=world.kept(),
-            settings={"logs": sources, "prior": prior, "truth": truth, **chosen},
+            settings={
+                "logs": sources,
+                "prior": prior,
+                "truth": truth,
+                "prior_values": prior_values,
+                **chosen,
+            },
             map_to_plan=world.map_to_plan,
             attachments={path.name: path.read_bytes() for path in world.files},
             facts=origin,

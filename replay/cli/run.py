@@ -77,6 +77,12 @@ from replay.cli.values import (
 @click.option(
     "--plan-origin", type=PoseType(), help="Of the plan's lower left corner in its own frame."
 )
+@click.option(
+    "--prior-values",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Values that `replay tune` chose; each option below goes before its value.",
+)
 @click.option("--p-wall", type=PROBABILITY, help="P(EMPTY) of a drawn wall, as in the paper; 0.2.")
 @click.option("--p-space", type=PROBABILITY, help="P(EMPTY) of drawn free space; 0.9.")
 @click.option("--p-outside", type=PROBABILITY, help="P(EMPTY) outside the plan; 0.5.")

@@ -13,6 +13,7 @@ from scipy.ndimage import distance_transform_edt
 from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Pose
 from formats.plan_file import open_plan
+from formats.prior_values import PriorValues, write_prior_values
 from formats.result import Result
 from formats.result_file import read_result
 from formats.stream import Options as StreamOptions
@@ -194,3 +195,28 @@ def test_odometry_alone_is_said(shared_data: Path, tmp_path: Path) -> None:
         notes=notes,
     )
     assert any("odometry alone" in note.problem for note in notes.of("warning"))
+
+
+def test_values_of_a_prior_hold_where_no_option_says_otherwise(tmp_path: Path) -> None:
+    values = PriorValues(0.35, 0.8, p_hit=0.75, prior_scale=1.0, update="paper")
+    write_prior_values(tmp_path / "v.json", values)
+    quick: dict[str, Any] = {"every": 40, "resolution": 0.1}
+    said: dict[str, Any] = {
+        "p_wall": 0.35,
+        "p_space": 0.6,
+        "p_hit": 0.75,
+        "prior_scale": 1.0,
+        "update": "paper",
+    }
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    mixed = sample(tmp_path / "a", prior_values=tmp_path / "v.json", p_space=0.6, **quick)
+    plain = sample(tmp_path / "b", **said, **quick)
+    assert mixed.facts["scores"] == plain.facts["scores"]
+    assert {name: mixed.settings[name] for name in said} == said
+
+
+def test_a_result_does_not_replace_the_values_it_was_made_with(tmp_path: Path) -> None:
+    write_prior_values(tmp_path / "out.replay.mcap", PriorValues(0.2, 0.9))
+    with pytest.raises(FormatError, match="also an input"):
+        sample(tmp_path, prior_values=tmp_path / "out.replay.mcap", force=True)

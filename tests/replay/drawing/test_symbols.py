@@ -7,8 +7,8 @@ from replay.drawing import extract
 from replay.drawing.georgiou import bounds, shortlist
 from replay.drawing.ink import binarise
 from replay.drawing.shapes import Door
+from replay.example_plans import SYMBOLS, plan, symbol
 from replay.plan_scores import score_doors, score_walls
-from scripts.draw_plans import SYMBOLS, plan, symbol
 
 WIDTH = 60.0
 LEAF = {"double": 0.5, "uneven double": 0.65, "pivot": 0.8, "folding": 0.39}

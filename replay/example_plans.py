@@ -1,6 +1,6 @@
 """Drawings with exact truth: the door symbols of the paper's Fig 2, and five plans after its Fig 4.
 
-    python -m scripts.draw_plans FOLDER        five plans with masks of their walls, and the symbols
+    python -m replay.example_plans FOLDER    five plans with masks of their walls, the symbols
 
 Plans (PAPER X8): a with labels, b with furniture, c with stairs, text and walls of varying width,
 d of walls and doors alone, e like c with a wall and a door at an angle and a hatched wall.
@@ -278,6 +278,7 @@ def sheet_of_symbols(width: float = 60.0) -> npt.NDArray[np.uint8]:
 
 
 def main() -> None:
+    """Write all of them as PNG into the folder of the first argument."""
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
     folder.mkdir(parents=True, exist_ok=True)
     for letter in "abcde":
