@@ -12,7 +12,9 @@ from pathlib import Path
 from typing import IO, Any, cast
 
 import lz4.frame
+import zstandard
 
+from formats.buffers import Buffers
 from formats.errors import FormatError, Notes
 
 try:
@@ -51,7 +53,13 @@ WRAPPERS: dict[bytes, tuple[str, Callable[..., Any]]] = {
 }
 
 
-def inflate(kind: str, data: bytes | memoryview, size: int, limit: int) -> tuple[bytes, bool]:
+def inflate(
+    kind: str,
+    data: bytes | memoryview,
+    size: int,
+    limit: int,
+    buffers: Buffers | None = None,
+) -> tuple[bytes | memoryview, bool]:
     """Decompress one chunk: what could be had of it, and whether it was all sound.
 
     Args:
@@ -59,6 +67,7 @@ def inflate(kind: str, data: bytes | memoryview, size: int, limit: int) -> tuple
         data: the compressed bytes, perhaps cut or damaged.
         size: how many bytes they claim to hold; nothing is allocated by this number alone.
         limit: the most bytes to make.
+        buffers: memory for what comes out, where that is sound and of one zstd frame.
 
     Returns:
         At most min(size, limit) bytes, and True where these are exactly `size` bytes without error.
@@ -71,6 +80,11 @@ def inflate(kind: str, data: bytes | memoryview, size: int, limit: int) -> tuple
         return bytes(data[:want]), len(data) == size <= limit
     if kind not in DECOMPRESSORS:
         raise ValueError(f"unknown compression {kind!r}")
+    if kind == "zstd" and buffers is not None and size <= limit:
+        into = buffers.take(size + 1)
+        if _whole(data, into) == size:
+            return into[:size].toreadonly(), True
+        del into
     machine = DECOMPRESSORS[kind]()
     try:
         # One byte more than wanted shows data that hold more than they claim.
@@ -82,6 +96,18 @@ def inflate(kind: str, data: bytes | memoryview, size: int, limit: int) -> tuple
     if len(found) > want:
         return found[:want], False
     return found, bool(machine.eof) and len(found) == size
+
+
+def _whole(data: bytes | memoryview, into: memoryview) -> int:
+    """Bytes of one zstd frame put into memory in one call, -1 where it is damaged.
+
+    All other ways take the interpreter's lock for each 32 kB or more, and wait for it as long as
+    another thread computes.
+    """
+    try:
+        return int(zstandard.ZstdDecompressor().stream_reader(data).readinto(into))
+    except (zstandard.ZstdError, MemoryError):
+        return -1
 
 
 def _in_steps(kind: str, data: bytes | memoryview, want: int) -> bytes:

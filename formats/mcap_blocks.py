@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import mmap
+import os
 import struct
 from array import array
 from collections import Counter, deque
@@ -14,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from formats.buffers import Buffers
 from formats.compression import crc32, inflate
 from formats.mcap_parse import HEAD
 from formats.mcap_records import CHUNK, DATA_END, FOOTER, HEADER, MESSAGE, Buffer
@@ -26,7 +28,8 @@ TOP = frozenset({HEADER, FOOTER, CHUNK, DATA_END})  # where a run of plain recor
 RUN_BYTES = 4 << 20
 WORTHWHILE = 16  # messages in a row of one size
 MOST_OTHERS = 1_000_000  # records that are no messages; more in one block are a trap
-AHEAD = 3  # blocks that are loaded ahead of the reader
+AHEAD = 4  # blocks that are loaded ahead of the reader
+THREADS = min(2, os.cpu_count() or 1)  # that load them; the reader takes what one of them leaves
 AHEAD_BYTES = 32 << 20  # larger blocks are loaded one at a time
 
 HEADS = np.dtype([("opcode", "u1"), ("size", "<u8")])
@@ -88,8 +91,8 @@ class Loaded(NamedTuple):
     lost: bool = False
 
 
-def load(data: memoryview, block: Block, max_chunk: int) -> Loaded:
-    """The decompressed, checked records of a block.
+def load(data: memoryview, block: Block, max_chunk: int, buffers: Buffers | None = None) -> Loaded:
+    """The decompressed, checked records of a block, in memory of `buffers` where these are given.
 
     A chunk whose CRC does not match gives nothing; one that is cut, or damaged without a CRC to
     tell, gives what comes before the damage.
@@ -104,7 +107,7 @@ def load(data: memoryview, block: Block, max_chunk: int) -> Loaded:
     sound = len(packed) == block.size
     if not plain:
         try:
-            inner, sound = inflate(block.compression, packed, block.size, max_chunk)
+            inner, sound = inflate(block.compression, packed, block.size, max_chunk, buffers)
         except ValueError:
             name = block.compression[:20]
             return Loaded(b"", f"chunk with unknown compression '{name}'", lost=True)
@@ -122,18 +125,15 @@ def load(data: memoryview, block: Block, max_chunk: int) -> Loaded:
 
 
 def loaded(data: memoryview, blocks: Iterable[Block], max_chunk: int) -> Iterator[Loaded]:
-    """Each block's records in turn; decompression and CRC run ahead in a thread of their own.
-
-    One thread: chunks that come from several lie in memory of each one's own, which goes back to
-    the system and comes back page by page, at the cost of half a decompression.
-    """
+    """Each block's records in turn; decompression and CRC run ahead in threads of their own."""
     waiting: deque[Future[Loaded] | Block] = deque()
-    source = iter(blocks)
-    with ThreadPoolExecutor(1) as pool:
+    source, buffers = iter(blocks), Buffers()
+    with ThreadPoolExecutor(THREADS) as pool:
         for block in source:
             small = max(block.size, block.stop - block.start) <= AHEAD_BYTES
             work = small and block.compression not in ("", "none")
-            waiting.append(pool.submit(load, data, block, max_chunk) if work else block)
+            job = pool.submit(load, data, block, max_chunk, buffers) if work else block
+            waiting.append(job)
             if len(waiting) > AHEAD:
                 yield _ready(data, waiting.popleft(), max_chunk)
         while waiting:

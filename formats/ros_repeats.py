@@ -64,10 +64,12 @@ class Layout:
         self.items += f"{begin - self.at}s{items}"
         self.at = begin + calcsize("<" + items)
 
-    def header(self) -> None:
-        """The stamp of a header."""
+    def header(self, *, timed: bool = True) -> None:
+        """The stamp of a header; passed over where not `timed`."""
         # ROS 1 has a number before it that nobody needs.
-        self.add(self.body.at, "4x2I" if self.body.wire.ros1 else "iI")
+        ros1 = self.body.wire.ros1
+        stamp = ("2I" if ros1 else "iI") if timed else "8x"
+        self.add(self.body.at, "4x" + stamp if ros1 else stamp)
         self.body.header()
 
     def pose(self) -> None:
@@ -81,10 +83,13 @@ class Layout:
         return Struct(f"{self.items}{len(self.body.data) - self.at}x").unpack
 
 
-def scan_layout(wire: Wire, data: Payload, size: int) -> Callable[[Payload], tuple[Any, ...]]:
+def scan_layout(
+    wire: Wire, data: Payload, size: int, *, timed: bool = True
+) -> Callable[[Payload], tuple[Any, ...]]:
     """What unpacks LaserScans: bytes, sec, nanosec, bytes, time_increment, bytes, ranges, bytes.
 
-    The times vary, since some drivers measure them; the bytes shape a scan.
+    The times vary, since some drivers measure them; the bytes shape a scan. Where not `timed` the
+    three times are left out: bytes, bytes, bytes, ranges, bytes.
 
     Args:
         wire: the encoding.
@@ -92,9 +97,9 @@ def scan_layout(wire: Wire, data: Payload, size: int) -> Callable[[Payload], tup
         size: bytes of its ranges.
     """
     found = Layout(wire, data)
-    found.header()
+    found.header(timed=timed)
     found.body.read("3f")
-    found.add(found.body.at, "f4x")
+    found.add(found.body.at, "f4x" if timed else "8x")
     found.body.read("5f")
     at = found.body.at
     found.add(at, f"{size}s")

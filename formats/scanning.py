@@ -64,8 +64,8 @@ def scanner(
     def begin(data: Payload, matrix: Floats, motion: Motion | None) -> Scan:
         reading, wire = read(data), wire_of(topic, data)
         if wire.native and reading.angle_increment > 0 and len(layouts) < MOST:
-            unpack = scan_layout(wire, data, reading.ranges.nbytes)
-            start, _, _, shape, _, limits, _, bright = unpack(data)
+            unpack = scan_layout(wire, data, reading.ranges.nbytes, timed=False)
+            start, shape, limits, _, bright = unpack(data)
             like = scan(reading, LEVELLED, None)
             told = like.bearings, like.widths, like.min_range, like.max_range
             layouts[len(data)] = unpack, start, shape, limits, bright, *told
@@ -77,7 +77,7 @@ def scanner(
             return begin(data, matrix, motion)
         if motion is None and matrix[2, 2] >= LEVEL:
             unpack, start, shape, limits, bright, bearings, widths, near, far = layout
-            one, _, _, two, _, three, ranges, four = unpack(data)
+            one, two, three, ranges, four = unpack(data)
             if two == shape and three == limits and four == bright and one == start:
                 return Scan(bearings, widths, np.frombuffer(ranges, FLOAT32), near, far)
         return any_scan(data, matrix, motion)
