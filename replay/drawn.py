@@ -9,9 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from formats.errors import Notes
+from formats.plan_edits import PlanEdits
 from formats.plan_file import Plan
 from replay.cells import leaves_unknown
 from replay.drawing import Drawing, extract, shows_doors
+from replay.drawing.editing import edited, regions
 
 Mask = npt.NDArray[np.bool_]
 PlanMethod = Literal["auto", "ink", "structural", "georgiou"]
@@ -19,13 +21,22 @@ PlanMethod = Literal["auto", "ink", "structural", "georgiou"]
 
 @dataclass(frozen=True, slots=True)
 class Openings:
-    """Where a drawing has doors and windows: masks (H, W) of the openings in the walls."""
+    """What a drawing says beside its walls: masks (H, W).
+
+    Attributes:
+        doors, windows: the openings in its walls.
+        inside, outside: regions that edits by hand made building, and that they made none.
+    """
 
     doors: Mask
     windows: Mask
+    inside: Mask
+    outside: Mask
 
 
-def taken_apart(plan: Plan, method: PlanMethod, notes: Notes) -> tuple[Plan, Openings | None]:
+def taken_apart(
+    plan: Plan, method: PlanMethod, notes: Notes, edits: PlanEdits | None = None
+) -> tuple[Plan, Openings | None]:
     """The plan whose walls are walls, and its openings where they were looked for.
 
     "auto" extracts the walls of drawings, which are known by their door symbols; of a plan that
@@ -35,19 +46,35 @@ def taken_apart(plan: Plan, method: PlanMethod, notes: Notes) -> tuple[Plan, Ope
         plan: as opened.
         method: what is done with it.
         notes: told what was done.
+        edits: by hand, on whatever was found.
+
+    Raises:
+        FormatError: an edit does not fit the plan.
     """
     if method == "auto":
         drawing = not leaves_unknown(plan) and shows_doors(plan.grey, plan.resolution)
         method = "structural" if drawing else "ink"
     if method == "ink":
-        return plan, None
-    found = extract(plan.grey, resolution=plan.resolution, method=method)
+        if edits is None:
+            return plan, None
+        found = Drawing(plan.wall, [], np.zeros_like(plan.wall), {})
+    else:
+        found = extract(plan.grey, resolution=plan.resolution, method=method)
+        notes.info(
+            plan.path, f"a drawing: its walls and {len(found.doors)} doors extracted by {method}"
+        )
+    steps = edits.on(plan) if edits is not None else ()
+    if edits is not None:
+        found = edited(found, edits, steps, notes)
+        notes.info(plan.path, f"edited by hand: {len(edits.edits)} edits")
+        plan = replace(plan, inputs={**plan.inputs, str(edits.path): edits.sha256})
     windows = found.layers.get("windows", np.zeros_like(found.walls))
-    notes.info(
-        plan.path, f"a drawing: its walls and {len(found.doors)} doors extracted by {method}"
-    )
-    occupancy = np.where(found.walls | windows, np.int8(100), np.int8(0))
-    return replace(plan, occupancy=occupancy), Openings(door_openings(found), windows)
+    wall = found.walls | windows
+    occupancy = np.where(wall, np.int8(100), np.int8(0))
+    if method == "ink":  # what is neither wall nor made free stays as it is, perhaps unknown
+        occupancy = np.where(wall == plan.wall, plan.occupancy, occupancy)
+    openings = Openings(door_openings(found), windows, *regions(wall.shape, steps))
+    return replace(plan, occupancy=occupancy), openings
 
 
 def door_openings(drawing: Drawing) -> Mask:

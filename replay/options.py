@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from math import inf
+from os import PathLike
 from typing import Any, TypedDict
 
 from formats.depth import SLAB
@@ -11,6 +12,7 @@ from formats.echo import Echo
 from formats.errors import UsageError
 from formats.frame import Pose
 from formats.grid import Update
+from formats.paper import Distance
 from replay.cells import Rule
 from replay.drawn import PlanMethod
 from replay.sensor import NoReturn
@@ -37,6 +39,11 @@ class Options(TypedDict, total=False):
     duration: float
     plan_resolution: float | None
     plan_origin: Pose | None
+    plan_page: int
+    plan_dpi: float | None
+    drawing_scale: float | None
+    plan_distance: Distance | None
+    plan_edits: str | PathLike[str] | None
     plan_pose: Pose | None
     p_wall: float
     p_space: float
@@ -73,7 +80,15 @@ READING: Options = {
     "start_offset": 0.0,
     "duration": inf,
 }
-PLAN: Options = {"plan_resolution": None, "plan_origin": None}
+PLAN: Options = {
+    "plan_resolution": None,
+    "plan_origin": None,
+    "plan_page": 1,
+    "plan_dpi": None,
+    "drawing_scale": None,
+    "plan_distance": None,
+    "plan_edits": None,
+}
 WORLD: Options = {
     "plan_pose": None,
     "p_wall": 0.2,
@@ -104,6 +119,9 @@ RANGES: dict[str, tuple[float, float]] = {
     "start_offset": (0.0, 1e9),
     "duration": (1e-9, 1e9),
     "plan_resolution": (1e-6, 1e3),
+    "plan_page": (1, inf),
+    "plan_dpi": (1e-3, 1e6),
+    "drawing_scale": (0.1, 1e5),
     "p_wall": (0.0, 1.0),
     "p_space": (0.0, 1.0),
     "p_door": (0.0, 1.0),
@@ -142,3 +160,15 @@ def effective(options: Mapping[str, Any]) -> Options:
 def among(options: Options, names: Iterable[str]) -> dict[str, Any]:
     """Those of the options that belong to one part of the work."""
     return {name: options[name] for name in names}  # type: ignore[literal-required]
+
+
+def plan_values(options: Options) -> dict[str, Any]:
+    """What `open_plan` is told of the plan's page, scale and place."""
+    return {
+        "resolution": options["plan_resolution"],
+        "origin": options["plan_origin"],
+        "page": options["plan_page"] - 1,
+        "dpi": options["plan_dpi"],
+        "drawing_scale": options["drawing_scale"],
+        "distance": options["plan_distance"],
+    }

@@ -18,21 +18,15 @@ from formats.errors import Path as AnyPath
 from formats.grid import Geometry, Grid, logit
 from formats.map_file import write_map
 from formats.output import check_output, write_image, write_text
+from formats.plan_edits import PlanEdits, read_plan_edits
 from formats.plan_file import Plan, open_plan
 from replay.drawing import Drawing, Method, extract
+from replay.drawing.editing import edited
+from replay.plan_pictures import overlay
 from replay.plan_scores import score
 
-Pixels = npt.NDArray[np.uint8]
 DOOR = 0.85  # m, the middle of the door widths that are built, 0.7 to 1.0
 SPREAD = 0.15  # m, to either side of it
-# Red, green, blue, told apart with any colour vision: what each layer is shown in.
-COLOURS = {
-    "walls": (0, 0, 0),
-    "doors": (0, 114, 178),
-    "windows": (86, 180, 233),
-    "outline": (235, 244, 250),
-    "removed": (230, 159, 0),
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,34 +48,35 @@ class Reading:
     seconds: float
 
 
-def read_drawing(plan: Plan, method: Method = "structural") -> Reading:
-    """Take a plan apart; where its scale is not known, its doors estimate it."""
+def read_drawing(
+    plan: Plan,
+    method: Method = "structural",
+    edits: PlanEdits | None = None,
+    notes: Notes | None = None,
+) -> Reading:
+    """Take a plan apart; where its scale is not known, its doors estimate it.
+
+    Args:
+        plan: as opened.
+        method: "structural" or "georgiou".
+        edits: by hand, on what was found.
+        notes: told where an edit finds nothing to do.
+
+    Raises:
+        FormatError: an edit does not fit the plan.
+    """
+    steps = edits.on(plan) if edits is not None else ()
     start = perf_counter()
     drawing = extract(plan.grey, resolution=plan.resolution, method=method)
     seconds = perf_counter() - start
+    if edits is not None:
+        drawing = edited(drawing, edits, steps, Notes() if notes is None else notes)
     if plan.resolution is not None:
         return Reading(plan, drawing, plan.resolution, "given", seconds)
     if drawing.door_width > 0:
         how = f"from door widths, +-{SPREAD / DOOR:.0%}"
         return Reading(plan, drawing, DOOR / drawing.door_width, how, seconds)
     return Reading(plan, drawing, None, "not known: no door tells it", seconds)
-
-
-def overlay(reading: Reading) -> Pixels:
-    """The drawing with what was found: (H, W, 3) BGR; removed ink orange, doors with triangles."""
-    import cv2
-
-    drawing = reading.drawing
-    out = np.full((*drawing.walls.shape, 3), 255, dtype=np.uint8)
-    out[drawing.outline] = COLOURS["outline"]
-    for name, mask in drawing.layers.items():
-        out[mask] = COLOURS.get(name, COLOURS["removed"])
-    out[drawing.walls] = COLOURS["walls"]
-    for door in drawing.doors:
-        thick = max(1, round(door.width / 20))
-        corners = [np.rint(door.triangle()).astype(np.int32)]
-        cv2.polylines(out, corners, True, (213, 94, 0), thick, cv2.LINE_AA)
-    return np.ascontiguousarray(out[..., ::-1])
 
 
 def geojson(reading: Reading) -> str:
@@ -143,6 +138,7 @@ def plan(
     *,
     method: Method = "structural",
     truth: AnyPath | None = None,
+    edits: AnyPath | None = None,
     output: AnyPath | None = None,
     plan_resolution: float | None = None,
     plan_page: int = 1,
@@ -158,6 +154,7 @@ def plan(
         path: the drawing.
         method: "structural" or "georgiou".
         truth: CVC-FP's SVG, mlstructfp's JSON, or a mask.
+        edits: a file of edits by hand, see `formats.plan_edits`.
         output: stem of the files' names; None: the drawing's, in the current folder.
         plan_resolution: m a pixel.
         plan_page: of a PDF, from 1.
@@ -171,16 +168,18 @@ def plan(
         what `replay plan --json` prints.
 
     Raises:
-        FormatError: the drawing or the truth cannot be read, or a file cannot be written.
+        FormatError: the drawing, the truth or the edits cannot be read, or a file cannot be
+            written.
     """
     notes = Notes() if notes is None else notes
-    inputs = [path, *([truth] if truth else [])]
+    inputs = [path, *(other for other in (truth, edits) if other)]
     stem = Path(output) if output else Path(Path(path).stem)
     if stem.is_dir():
         stem = stem / Path(path).stem
     names = {kind: Path(f"{stem}_{kind}") for kind in ("overlay.png", "plan.geojson", "walls.pgm")}
     for name in names.values():
         check_output(name, force=force, inputs=inputs)
+    by_hand = read_plan_edits(edits) if edits else None
     opened = open_plan(
         path,
         notes,
@@ -190,7 +189,7 @@ def plan(
         drawing_scale=drawing_scale,
         distance=plan_distance,
     )
-    reading = read_drawing(opened, method)
+    reading = read_drawing(opened, method, by_hand, notes)
     drawing = reading.drawing
     facts: dict[str, Any] = {
         "plan": str(path),
@@ -199,12 +198,13 @@ def plan(
         "doors_count": len(drawing.doors),
         "resolution": reading.resolution,
         "resolution_from": reading.how,
+        "edits": len(by_hand.edits) if by_hand else 0,
         "seconds": round(reading.seconds, 3),
     }
     if truth is not None:
         shape = (drawing.walls.shape[0], drawing.walls.shape[1])
         facts |= score(drawing, read_truth(Path(truth), shape, Path(path)))
-    write_image(names["overlay.png"], overlay(reading), force=force, inputs=inputs)
+    write_image(names["overlay.png"], overlay(reading.drawing), force=force, inputs=inputs)
     write_text(names["plan.geojson"], geojson(reading), force=force, inputs=inputs)
     written = [names["overlay.png"], names["plan.geojson"]]
     if reading.resolution is not None:
@@ -215,8 +215,16 @@ def plan(
     return {**facts, "written": [str(name) for name in written]}
 
 
+def counted(number: int, thing: str) -> str:
+    """One door, two doors."""
+    return f"{number} {thing}" if number == 1 else f"{number} {thing}s"
+
+
 LINES: dict[str, Callable[[dict[str, Any]], str]] = {
-    "plan": lambda f: f"{Path(f['plan']).name}: {f['doors_count']} doors, by {f['method']}",
+    "plan": lambda f: (
+        f"{Path(f['plan']).name}: {counted(f['doors_count'], 'door')}, by {f['method']}"
+        + (f", {counted(f['edits'], 'edit')} by hand" if f["edits"] else "")
+    ),
     "scale": lambda f: (
         f"{f['resolution']:.4f} m/px ({f['resolution_from']})"
         if f["resolution"] is not None

@@ -15,6 +15,7 @@ import numpy as np
 
 from formats.errors import Notes, UsageError
 from formats.output import check_output
+from formats.plan_edits import read_plan_edits
 from formats.plan_file import open_plan
 from formats.prior_values import read_prior_values
 from formats.result import Result
@@ -22,7 +23,7 @@ from formats.result_file import ResultWriter
 from formats.stream import open_log, survey
 from replay import facts
 from replay.mapper import Mapper
-from replay.options import READING, WORLD, Options, among, effective
+from replay.options import READING, WORLD, Options, among, effective, plan_values
 from replay.pipeline import Clock, steps
 from replay.sensor import MODELS
 from replay.world import build_world
@@ -79,15 +80,19 @@ def run(
     if chosen["sensor"] not in MODELS:
         hint = f"there are {', '.join(MODELS)}"
         raise UsageError(chosen["sensor"], "no such sensor model", hint=hint)
-    inputs = [*sources, *(Path(path) for path in (prior, truth, align, prior_values) if path)]
+    by_hand = chosen["plan_edits"]
+    read = (prior, truth, align, prior_values, by_hand)
+    inputs = [*sources, *(Path(path) for path in read if path)]
     out = Path(output) if output else Path(f"{stem(sources[0])}.replay.mcap")
     written = [out, *([Path(rrd)] if rrd else [])]
     for path in written:
         check_output(path, force=force, inputs=inputs)
     if rrd and realpath(rrd) == realpath(out):
         raise UsageError(rrd, "the recording and the result are one file", hint="name another")
-    scale, corner = chosen["plan_resolution"], chosen["plan_origin"]
-    plan = open_plan(prior, notes, resolution=scale, origin=corner) if prior else None
+    edits = read_plan_edits(by_hand) if by_hand else None
+    if edits and not prior:
+        raise UsageError(edits.path, "there is no plan to edit", hint="give --prior PLAN")
+    plan = open_plan(prior, notes, **plan_values(chosen)) if prior else None
     real = open_plan(truth, notes) if truth else None
     inputs += [Path(path) for read in (plan, real) if read for path in read.inputs]
     for path in written:  # a yaml beside the plan is an input, too
@@ -103,7 +108,9 @@ def run(
 
             plan = located(plan, sources[0], align, notes, **among(chosen, READING))
         reach = min(drive.limit if drive.limit > 0.0 else inf, chosen["max_range"])
-        world = build_world(plan, real, drive.bounds, reach, notes, **among(chosen, WORLD))
+        world = build_world(
+            plan, real, drive.bounds, reach, notes, plan_edits=edits, **among(chosen, WORLD)
+        )
         facts.warn(world, chosen, notes)
         mapper = Mapper(
             world.geometry, chosen["sensor"], max_range=reach, no_return=chosen["no_return"]

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from formats.errors import FormatError, Notes
 from formats.frame import Pose
 from formats.grid import Geometry, Update, logit
+from formats.plan_edits import PlanEdits
 from formats.plan_file import Extent, Plan, overlap
 from formats.result import Curve
 from replay.cells import CellLayers, Rule, cell_layers, count_walls, truth_cells
@@ -195,6 +196,7 @@ def build_world(
     cell_rule: Rule = "any",
     region: Region = "footprint",
     plan_method: PlanMethod = "auto",
+    plan_edits: PlanEdits | None = None,
     p_door: float | None = None,
     p_window: float | None = None,
     **prior: float,
@@ -213,6 +215,7 @@ def build_world(
         cell_rule: when a cell is wall; of the truth "any" unless it is "majority".
         region: the building, the whole picture, or (later) what was observed.
         plan_method: how a drawing becomes a plan, see `taken_apart`.
+        plan_edits: by hand, on what was found.
         p_door, p_window: P(empty) of openings that a drawing shows; None: as space, as wall.
         prior: p_wall, p_space, p_outside, prior_scale.
 
@@ -224,10 +227,11 @@ def build_world(
     geometry = lattice(ground, bounds, map_to_plan, resolution, reach)
     layers, openings = blank(geometry), {}
     if plan is not None:
-        plan, found = taken_apart(plan, plan_method, notes)
+        plan, found = taken_apart(plan, plan_method, notes, plan_edits)
         layers = cell_layers(plan, geometry, notes=notes)
         if found is not None:
             openings = opening_cells(plan, found, geometry)
+            layers = with_regions(layers, plan, found)
     rule = {**prior, "rule": cell_rule}
     curves = curves_of(layers, plan is not None, sensor, p_hit, p_miss, update, rule)
     if openings:
@@ -253,11 +257,24 @@ def build_world(
 
 def opening_cells(plan: Plan, found: Openings, geometry: Geometry) -> dict[str, Floats]:
     """Share of each cell that is door, and that is window; a wall beside a door stays wall."""
-    out = {}
-    for name, mask in (("door", found.doors), ("window", found.windows)):
-        drawn = replace(plan, occupancy=np.where(mask, np.int8(100), np.int8(0)))
-        out[name] = count_walls(drawn, geometry)
-    return out
+    masks = {"door": found.doors, "window": found.windows}
+    return {name: share(plan, mask, geometry) for name, mask in masks.items()}
+
+
+def with_regions(layers: CellLayers, plan: Plan, found: Openings) -> CellLayers:
+    """The layers with what edits by hand made building, or made none."""
+    if not (found.inside.any() or found.outside.any()):
+        return layers
+    inside, outside = (
+        share(plan, mask, layers.geometry) >= 0.5 for mask in (found.inside, found.outside)
+    )
+    footprint = (layers.footprint | inside) & ~outside | (layers.wall > 0)
+    return replace(layers, footprint=footprint)
+
+
+def share(plan: Plan, mask: Bools, geometry: Geometry) -> Floats:
+    """Share of each cell that a mask of the plan's pixels covers."""
+    return count_walls(replace(plan, occupancy=np.where(mask, np.int8(100), np.int8(0))), geometry)
 
 
 def blank(geometry: Geometry) -> CellLayers:

@@ -1,13 +1,15 @@
-"""Option values that tell how large a drawing is."""
+"""Options that tell how large a drawing is, and their values."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import click
 
 from formats.paper import Distance
+from replay.cli.values import POSITIVE
 
 
 class ScaleType(click.ParamType[float]):
@@ -53,3 +55,27 @@ class DistanceType(click.ParamType[Distance]):
 
 SCALE = ScaleType()
 DISTANCE = DistanceType()
+Command = TypeVar("Command", bound=Callable[..., Any])
+OPTIONS = (
+    click.option("--plan-resolution", metavar="M", type=POSITIVE, help="Metres a pixel of PLAN."),
+    click.option(
+        "--drawing-scale", metavar="1:N", type=SCALE, help="Scale of the drawing on paper."
+    ),
+    click.option(
+        "--plan-dpi", metavar="D", type=POSITIVE, help="Dots an inch to render, or scanned."
+    ),
+    click.option(
+        "--plan-distance",
+        metavar="X1,Y1,X2,Y2=M",
+        type=DISTANCE,
+        help="Two points in pixels, y down, and the metres between.",
+    ),
+    click.option("--plan-page", metavar="N", type=click.IntRange(1), help="Page of a PDF; 1."),
+)
+
+
+def scaled(command: Command) -> Command:
+    """A command with the options of a drawing's page and scale; what is not said is None."""
+    for option in reversed(OPTIONS):
+        command = option(command)
+    return command

@@ -8,8 +8,8 @@ from typing import Any
 import click
 
 from formats.errors import Notes
-from replay.cli.drawing_values import DISTANCE, SCALE
-from replay.cli.values import POSITIVE, answer, ending, say
+from replay.cli.drawing_values import scaled
+from replay.cli.values import answer, ending, say
 
 
 @click.command("plan")
@@ -27,21 +27,12 @@ from replay.cli.values import POSITIVE, answer, ending, say
     type=click.Path(path_type=Path),
     help="Score it: CVC-FP's SVG, mlstructfp's JSON, or a picture of the walls.",
 )
-@click.option("--plan-resolution", metavar="M", type=POSITIVE, help="Metres a pixel.")
+@scaled
 @click.option(
-    "--plan-page",
-    metavar="N",
-    type=click.IntRange(1),
-    default=1,
-    help="Page of a PDF.  [default: 1]",
-)
-@click.option("--plan-dpi", metavar="D", type=POSITIVE, help="Dots an inch to render or scanned.")
-@click.option("--drawing-scale", metavar="1:N", type=SCALE, help="Scale of the drawing on paper.")
-@click.option(
-    "--plan-distance",
-    metavar="X1,Y1,X2,Y2=M",
-    type=DISTANCE,
-    help="Two points in pixels, y down, and the metres between.",
+    "--edits",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Edits by hand, replayed on what was found; docs/plan.md has their form.",
 )
 @click.option(
     "-o",
@@ -60,12 +51,14 @@ def command(path: Path, as_json: bool, **options: Any) -> int:
       replay plan plan.png
       replay plan office.pdf --drawing-scale 1:200
       replay plan drawing.png --truth drawing_gt.svg --json
+      replay plan drawing.png --edits drawing.edits
     """
     from replay import plan
 
     notes = Notes()
     try:
-        facts = plan(path, notes=notes, **options)
+        chosen = {name: value for name, value in options.items() if value is not None}
+        facts = plan(path, notes=notes, **chosen)
     finally:
         say(notes)
     if as_json:

@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from formats.errors import Notes
+from replay.cli.drawing_values import scaled
 from replay.cli.values import (
     NOT_NEGATIVE,
     POSITIVE,
@@ -73,7 +74,7 @@ from replay.cli.values import (
     "--plan-pose", type=PoseType(), help="Of the plan's own frame in the frame of the poses."
 )
 @click.option("--pose-delay", metavar="S", type=float, help="Added to the stamps of the poses.")
-@click.option("--plan-resolution", metavar="M", type=POSITIVE, help="Metres a pixel of the plan.")
+@scaled
 @click.option(
     "--plan-origin", type=PoseType(), help="Of the plan's lower left corner in its own frame."
 )
@@ -92,6 +93,12 @@ from replay.cli.values import (
     "--plan-method",
     type=click.Choice(["auto", "ink", "structural", "georgiou"]),
     help="auto (default) extracts the walls of drawings with door symbols; ink takes dark ink.",
+)
+@click.option(
+    "--plan-edits",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Edits of the plan by hand, as `replay plan --edits` takes them.",
 )
 @click.option("--prior-scale", type=PROBABILITY, help="Multiplies p_wall and p_space; 0.9.")
 @click.option(

@@ -7,10 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from formats.errors import Notes
+from formats.errors import Notes, UsageError
 from formats.frame import Frame, Pose, Scan
 from formats.grid import logit
+from formats.plan_edits import read_plan_edits
 from formats.plan_file import open_plan
+from formats.result_file import read_result
+from replay import run
 from replay.drawn import taken_apart
 from replay.mapper import Mapper
 from replay.pipeline import steps
@@ -79,3 +82,55 @@ def test_a_door_drawn_shut_is_opened_by_mapping(tmp_path: Path) -> None:
     assert world.layers.walls()[row, col]
     assert not door
     assert beside
+
+
+EDITS = """unit m
+add wall 3,-4.2 3,-2.5 0.2      # a wall that the plan lacks
+remove region -3,-5 -1,-5 -1,5 -3,5
+"""
+
+
+@pytest.mark.parametrize("name", ["plan.png", "drawing.png"])
+def test_edits_reach_the_prior_and_the_footprint(tmp_path: Path, name: str) -> None:
+    (tmp_path / "my.edits").write_text(EDITS)
+    edits = read_plan_edits(tmp_path / "my.edits")
+    plain, world = (
+        build_world(open_plan(SAMPLES / name, Notes()), None, BOUNDS, 1.0, Notes(), plan_edits=one)
+        for one in (None, edits)
+    )
+    g = world.geometry
+    x = g.x + (np.arange(g.cols) + 0.5) * g.resolution
+    y = g.y + (np.arange(g.rows) + 0.5) * g.resolution
+    wall, before = world.layers.walls(), plain.layers.walls()
+    band = (np.abs(y - -3.35) < 0.8)[:, None] & (np.abs(x - 3) < 0.09)[None, :]
+    assert wall[band].all()
+    assert not before[band].all()
+    assert np.allclose(world.curves["bayes"].prior.values[band], logit(0.2 * 0.9))
+    gone = (np.abs(y) < 4)[:, None] & ((x > -2.9) & (x < -1.1))[None, :]
+    assert plain.layers.footprint[gone].any()
+    assert not world.layers.footprint[gone].any()
+    assert np.allclose(world.curves["bayes"].prior.values[gone], 0.0)  # p_outside
+    rest = ~band & ((np.abs(x - 3) > 0.3) & (x > -0.8))[None, :]
+    assert (wall == before)[rest].all()
+
+
+def test_a_run_keeps_its_edits(tmp_path: Path) -> None:
+    (tmp_path / "my.edits").write_text(EDITS)
+    result = run(
+        SAMPLES / "turtlebot.mcap",
+        SAMPLES / "plan.png",
+        output=tmp_path / "out.mcap",
+        plan_edits=tmp_path / "my.edits",
+        every=200,
+    )
+    kept = read_result(result.facts["result"])
+    assert kept.attachments["my.edits"].decode() == EDITS
+    assert kept.settings["plan_edits"] == str(tmp_path / "my.edits")
+    assert str(tmp_path / "my.edits") in kept.facts["inputs"]
+    assert any("edited by hand" in line for line in kept.facts["said"]["plan"])
+
+
+def test_edits_without_a_plan_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "my.edits").write_text(EDITS)
+    with pytest.raises(UsageError, match="no plan to edit"):
+        run(SAMPLES / "turtlebot.mcap", output=tmp_path / "o", plan_edits=tmp_path / "my.edits")

@@ -11,6 +11,7 @@ import pytest
 from formats.errors import FormatError, Notes
 from formats.plan_file import open_plan
 from replay import plan
+from replay.plan_pictures import LAYERS, WALLS, overlay
 from replay.planning import DOOR, read_drawing
 from scripts.flat import DOORS, LEFT, LOW
 
@@ -60,3 +61,39 @@ def test_nothing_is_overwritten(tmp_path: Path) -> None:
     with pytest.raises(FormatError, match="--force"):
         plan(DRAWING, output=tmp_path / "flat")
     plan(DRAWING, output=tmp_path / "flat", force=True)
+
+
+def test_edits_show_in_all_that_is_written(tmp_path: Path) -> None:
+    edits = tmp_path / "flat.edits"
+    edits.write_text("remove door 240,560\nadd wall 400,100 400,300 20\n")
+    plain = plan(DRAWING, output=tmp_path / "plain")
+    edits.write_text(
+        f"unit m\nremove door {DOORS[0][0][0] + LEFT},{DOORS[0][0][1] + LOW}\n"
+        "unit px\nadd wall 400,120 400,300 20\n"
+    )
+    facts = plan(DRAWING, edits=edits, output=tmp_path / "flat")
+    assert facts["edits"] == 2
+    assert facts["doors_count"] == plain["doors_count"] - 1
+    features = json.loads((tmp_path / "flat_plan.geojson").read_text())["features"]
+    assert sum(f["properties"]["kind"] == "door" for f in features) == facts["doors_count"]
+    walls = open_plan(tmp_path / "flat_walls.pgm", Notes())
+    assert walls.wall[125:295, 392:409].all()
+
+
+def test_the_overlay_shows_each_layer_and_names_it(tmp_path: Path) -> None:
+    reading = read_drawing(open_plan(DRAWING, Notes()))
+    picture = overlay(reading.drawing)[..., ::-1]  # red green blue
+    rows, cols = reading.drawing.walls.shape
+    assert picture.shape[0] > rows
+    assert picture.shape[1] == cols
+    far = np.ones((rows, cols), dtype=bool)  # from the triangles, which lie over all
+    for door in reading.drawing.doors:
+        x, y = np.rint(door.hinge).astype(int)
+        reach = round(1.5 * door.width)
+        far[max(0, y - reach) : y + reach, max(0, x - reach) : x + reach] = False
+    assert (picture[:rows][far & reading.drawing.walls] == WALLS).all()
+    for name, colour in LAYERS.items():
+        layer = reading.drawing.layers.get(name)
+        if layer is not None and layer.any():
+            assert (picture[:rows][far & layer & ~reading.drawing.walls] == colour).all()
+            assert (picture[rows:] == colour).all(axis=-1).any()  # its swatch
