@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from math import sqrt
 
 import numpy as np
 import numpy.typing as npt
@@ -45,11 +46,32 @@ def f2(counts: Counts) -> float:
     return f_beta(counts, 2.0)
 
 
+def f1(counts: Counts) -> float:
+    """2 pre rec / (pre + rec): both count alike (also called Dice)."""
+    return f_beta(counts, 1.0)
+
+
+def iou(counts: Counts) -> float:
+    """Intersection of occupied cells and walls over their union, 0 to 1 (Jaccard 1901)."""
+    return counts.tp / (counts.tp + counts.fp + counts.fn) if counts.tp else 0.0
+
+
+def mcc(counts: Counts) -> float:
+    """Correlation of map and truth, -1 to 1, 0 is chance (Matthews 1975); 0/0 is 0."""
+    tp, fp, fn, tn = counts
+    square = (tp + fp) * (tp + fn) * (tn + fp) * (tn + fn)
+    return (tp * tn - fp * fn) / sqrt(square) if square else 0.0
+
+
 METRICS: dict[str, Callable[[Counts], float]] = {
     "precision": precision,
     "recall": recall,
     "f2": f2,
+    "f1": f1,
+    "iou": iou,
+    "mcc": mcc,
 }
+"""Name -> function of counts; metrics of probabilities and distances: `map_metrics.MAP_METRICS`."""
 
 
 def tell(occupied: Bools, wall: Bools) -> Counts:

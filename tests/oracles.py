@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from decimal import Decimal, localcontext
 from fractions import Fraction
 from math import inf, isnan, pi, sin
 from typing import Any
@@ -214,9 +215,32 @@ def exact_recall(counts: Counts) -> Fraction:
     return Fraction(counts.tp, counts.tp + counts.fn) if counts.tp + counts.fn else Fraction(0)
 
 
+def exact_iou(counts: Counts) -> Fraction:
+    """Of what is found or there, how much is both."""
+    whole = counts.tp + counts.fp + counts.fn
+    return Fraction(counts.tp, whole) if whole else Fraction(0)
+
+
+def exact_mcc(counts: Counts) -> Fraction:
+    """Pearson's correlation of two yes-or-no variables, to 40 digits."""
+    n = sum(counts)
+    if not n:
+        return Fraction(0)
+    found, real = Fraction(counts.tp + counts.fp, n), Fraction(counts.tp + counts.fn, n)
+    spread = found * (1 - found) * real * (1 - real)
+    if not spread:
+        return Fraction(0)
+    with localcontext(prec=40):
+        root = (Decimal(spread.numerator) / Decimal(spread.denominator)).sqrt()
+    return (Fraction(counts.tp, n) - found * real) / Fraction(root)
+
+
 # Every entry of replay.scoring.METRICS has its oracle here.
 SCORES: dict[str, Callable[[Counts], Fraction]] = {
     "precision": exact_precision,
     "recall": exact_recall,
     "f2": lambda counts: exact_f(counts, 2),
+    "f1": lambda counts: exact_f(counts, 1),
+    "iou": exact_iou,
+    "mcc": exact_mcc,
 }
