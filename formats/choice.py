@@ -65,6 +65,7 @@ class Wishes:
         sensor_pose: the sensor on the body.
         pose_delay_ns: added to the stamps of the poses.
         max_gap_ns: poses farther apart are not interpolated.
+        odometry: comes before poses in the map, and nothing at all will do.
     """
 
     scan: str = ""
@@ -74,6 +75,7 @@ class Wishes:
     sensor_pose: Pose | None = None
     pose_delay_ns: int = 0
     max_gap_ns: int = MAX_GAP_NS
+    odometry: bool = False
 
 
 def listing(topics: list[Topic]) -> str:
@@ -137,7 +139,7 @@ def pose_topics(log: Log, wish: str = "") -> list[Topic]:
     found = [t for t in topics if t.type in POSE_TYPES and decoder_of(t) is not None]
     if not wish:
         return [t for t in found if t.count != 0]
-    if wish == "tf":
+    if wish in ("tf", "none"):
         return []
     if not (wished := named(found, wish)):
         other = named(topics, wish)
@@ -157,7 +159,9 @@ def sources(gathered: Gathered, scans: ScanTimes, wishes: Wishes) -> list[Source
             source = replace(source, base_frame=plain(wishes.base_frame))
         found.append(source)
 
-    if wishes.pose in ("", "tf"):
+    if wishes.pose == "none":
+        pass
+    elif wishes.pose in ("", "tf"):
         odoms = odom_frames(tree, names)
         maps = fixed_frames(tree, names)
         if wishes.map_frame:
@@ -170,12 +174,19 @@ def sources(gathered: Gathered, scans: ScanTimes, wishes: Wishes) -> list[Source
     for topic, poses in gathered.poses.items():
         if len(poses.samples):
             frame = poses.frame or plain(wishes.map_frame)
+            if wishes.pose == "none":
+                continue
             if wishes.pose in ("", "tf") and wishes.map_frame not in ("", frame, "/" + frame):
                 continue
             base = base_of(tree, names, child=poses.child)
             add(Source(kind_of(poses), topic, frame, base))
     found.sort(key=lambda source: KINDS.index(source.kind))
-    return [_carried(source, found) for source in found]
+    found = [_carried(source, found) for source in found]
+    if wishes.odometry:
+        found.sort(key=lambda source: source.in_map)
+        base = base_of(tree, names) or next((name for name in names if name), "")
+        found.append(Source("nothing", None, "", plain(wishes.base_frame) or base))
+    return found
 
 
 def _carried(source: Source, found: list[Source]) -> Source:
@@ -194,7 +205,7 @@ def ways(gathered: Gathered, scans: ScanTimes, clock: Clock, wishes: Wishes) -> 
     for source in sources(gathered, scans, wishes):
         if found and found[-1].share >= ENOUGH and found[-1].source.kind != source.kind:
             break
-        if source.topic is None and (
+        if source.kind in ("tf", "tf odometry") and (
             gathered.tree.path_between(source.map_frame, source.base_frame) is None
         ):
             continue

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from formats.choice import Choice
 from formats.clock import SECOND, Times
-from formats.errors import Notes
+from formats.errors import Notes, UsageError
 from formats.frame import Frame, Pose
+from formats.gating import gate
 from formats.log import Log
 from formats.ros import Undecodable
 from formats.scanning import scanner
@@ -66,6 +67,44 @@ class Drive:
         low, high = self.poses[:, :2].min(axis=0), self.poses[:, :2].max(axis=0)
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
+    def gated(
+        self,
+        *,
+        every: int = 1,
+        min_travel: float = 0.0,
+        min_turn: float = 0.0,
+        readings_per_pose: int | None = None,
+    ) -> Drive:
+        """Fewer of its scans, see `gating.gate`.
+
+        Raises:
+            UsageError: `every` or `readings_per_pose` is below 1, or a gate negative.
+        """
+        try:
+            taken = gate(
+                self.poses,
+                every=every,
+                min_travel=min_travel,
+                min_turn=min_turn,
+                readings_per_pose=readings_per_pose,
+            )
+        except ValueError as error:
+            raise UsageError(self.log.path, str(error)) from None
+        if len(taken) == len(self):
+            return self
+        return replace(
+            self,
+            times_ns=self.times_ns[taken],
+            poses=self.poses[taken],
+            rows=self.rows[taken],
+            sweeps_ns=self.sweeps_ns[taken],
+            _blocks={},
+        )
+
+    def placed(self, poses: Floats, choice: Choice) -> Drive:
+        """The same scans at other poses (m, 3) of the sensor, and where these come from."""
+        return replace(self, poses=poses, choice=choice)
+
     def frames(self) -> Iterator[Frame]:
         """The scans with their poses, in the order of time; may be called again."""
         topic = self.choice.scan
@@ -99,8 +138,9 @@ class Drive:
             self.notes.warn(self.log.path, problem, topic=self.choice.scan.name)
 
     def _lose(self, k: int, why: str) -> None:
-        if k not in self._lost:
-            self._lost.add(k)
+        row = int(self.rows[k])
+        if row not in self._lost:  # a second pass over the log loses nothing anew
+            self._lost.add(row)
             at = f"{(int(self.times_ns[k]) - self.zero_ns) / SECOND:.2f} s"
             problem = f"message not readable: {why}"
             self.notes.lose(self.log.path, problem, topic=self.choice.scan.name, at=at)

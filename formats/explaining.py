@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from formats.choice import Choice, described
 from formats.clock import SECOND, Times
-from formats.errors import FormatError, printable
+from formats.errors import FormatError, Notes, Path, printable
 from formats.gathering import Gathered, ScanTimes
 from formats.poses import Kind
 from formats.sifting import APART_S, apart_s, seconds
@@ -22,7 +22,9 @@ WHY: dict[Kind, str] = {
     "amcl_pose": "tf knows no map frame, no other topic the pose",
     "tf odometry": "nothing in this log knows the map frame",
     "odometry topic": "nothing in this log knows the map frame",
+    "nothing": "the scans alone say how it moved",
 }
+BY_MAP = "poses in the map, of which the way from one to the next is taken"
 
 
 def tell_choice(
@@ -32,18 +34,32 @@ def tell_choice(
     keep: npt.NDArray[np.bool_],
     reason: str,
     asked: bool,
+    odometry: bool = False,
 ) -> Choice:
-    """The choice with its reasons, noted as well; `asked`: the user named the poses."""
+    """The choice with its reasons, noted as well.
+
+    Args:
+        gathered: of the log.
+        scans, reason: the topic taken, and why.
+        way: to the poses.
+        keep: scans that are wanted.
+        asked: the user named the poses.
+        odometry: the poses are to be found, and these only say how the robot moved.
+    """
     notes, path, source = gathered.notes, gathered.log.path, way.source
     used = int((keep & way.valid).sum())
     kind, choice = scans.topic.type.rsplit("/", 1)[-1], described(way)
     chain = str(source)
-    if choice.sensor_frame != source.base_frame:
+    if source.kind != "nothing" and choice.sensor_frame != source.base_frame:
         chain += f" > {choice.sensor_frame or '(unnamed)'}"
     chain += f", carried by {source.carrier}" if source.carrier else ""
     what = f"{source.topic.type.rsplit('/', 1)[-1]}, " if source.topic else ""
-    why = f"poses from {chain} ({what}{used} of {len(scans)} scans)"
-    why += f": {'as asked for' if asked else WHY[source.kind]}"
+    noun, because = "odometry" if odometry else "poses", WHY[source.kind]
+    if odometry and source.kind != "nothing":
+        because = BY_MAP if source.in_map else "how the robot moved"
+    head = "no odometry" if source.kind == "nothing" else f"{noun} from {chain}"
+    why = f"{head} ({what}{used} of {len(scans)} scans)"
+    why += f": {'as asked for' if asked else because}"
     reasons = [f"scans from {scans.topic.name} ({kind}: {reason})", why]
     for line in reasons:
         notes.info(path, line)
@@ -51,13 +67,18 @@ def tell_choice(
     if source.topic is not None:
         track = gathered.poses[source.topic].track(tree.clock, tree.max_gap_ns)
         track.tell(notes, path, source.topic.name, "pose", tree.zero_ns)
+    return replace(choice, reasons=reasons)
+
+
+def tell_odometry(choice: Choice, notes: Notes, path: Path) -> None:
+    """A warning where the poses are odometry alone."""
+    source = choice.source
     if not source.in_map:
         problem = (
             f"poses come from odometry alone ({source.map_frame}): they drift and are not in the "
             "plan's frame"
         )
         notes.warn(path, problem, topic=source.topic.name if source.topic else "/tf")
-    return replace(choice, reasons=reasons)
 
 
 def tell_missing(

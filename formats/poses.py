@@ -13,9 +13,16 @@ from formats.gathering import PoseTimes
 from formats.log import Topic
 from formats.tf import Tree
 
-Kind = Literal["tf", "pose topic", "amcl_pose", "tf odometry", "odometry topic"]
+Kind = Literal["tf", "pose topic", "amcl_pose", "tf odometry", "odometry topic", "nothing"]
 DRIVEN = 0.1  # m; what moves by less does not drive
-KINDS: tuple[Kind, ...] = ("tf", "pose topic", "amcl_pose", "tf odometry", "odometry topic")
+KINDS: tuple[Kind, ...] = (
+    "tf",
+    "pose topic",
+    "amcl_pose",
+    "tf odometry",
+    "odometry topic",
+    "nothing",
+)
 
 
 @dataclass(frozen=True)
@@ -23,8 +30,9 @@ class Source:
     """One way to the robot's poses.
 
     Attributes:
-        kind: what it is, in the order of preference of KINDS.
-        topic: None for tf.
+        kind: what it is, in the order of preference of KINDS; "nothing" where the robot is taken
+            as standing still, for those who find its poses by its scans.
+        topic: None for tf and nothing.
         map_frame: the frame that the poses are in.
         base_frame: what is posed, "" where nothing says so.
         carrier: odometry that carries the body between the seldom poses of amcl.
@@ -39,9 +47,11 @@ class Source:
     @property
     def in_map(self) -> bool:
         """Whether the poses may be in the plan's frame: not odometry alone."""
-        return "odometry" not in self.kind
+        return self.kind in ("tf", "pose topic", "amcl_pose")
 
     def __str__(self) -> str:
+        if self.kind == "nothing":
+            return "nothing"
         chain = f"{self.map_frame or '(unnamed)'} > {self.base_frame or '(unnamed)'}"
         return f"{self.topic.name if self.topic else 'tf'} {chain}"
 

@@ -66,6 +66,8 @@ class ResultWriter:
         layers: what re-scoring needs of each cell, by field of replay_msgs/CellLayers.
         settings: every option that had effect.
         map_to_plan: pose of the plan's frame in the frame of the poses.
+        covariances: times (m,) ascending, of all frames and maybe others, and covariances
+            (m, 3, 3) of x, y, yaw in the plan's frame; None where the poses are taken as exact.
         attachments: name -> bytes: plan, truth, parameters.
         facts: what is known of the run before it starts.
         force: replace an existing file.
@@ -86,6 +88,7 @@ class ResultWriter:
         layers: Mapping[str, npt.NDArray[Any]] | None = None,
         settings: Mapping[str, Any] | None = None,
         map_to_plan: Pose = HERE,
+        covariances: tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]] | None = None,
         attachments: Mapping[str, bytes] | None = None,
         facts: Mapping[str, Any] | None = None,
         force: bool = False,
@@ -102,6 +105,7 @@ class ResultWriter:
             self._layers["prior_log_odds"] = -priors[0]
         self._settings, self._facts = dict(settings or {}), dict(facts or {})
         self._map_to_plan, self._attachments = map_to_plan, dict(attachments or {})
+        self._covariances = covariances
         self._atomic = atomic(path, force=force, inputs=list(inputs))
         self._keyframes = Keyframes(geometry, self._levels)
         self._scored: list[str] = []
@@ -234,6 +238,11 @@ class ResultWriter:
                 ("/pose", ros.POSE, records.pose_records(times, block["pose"])),
                 ("/tf", ros.TF, records.tf_records(times, block["pose"])),
             ]
+            if self._covariances is not None:
+                at, known = self._covariances
+                spread = known[np.minimum(np.searchsorted(at, times), len(at) - 1)]
+                sure = records.covariance_records(times, block["pose"], spread)
+                streams.append(("/pose_with_covariance", ros.POSE_WITH_COVARIANCE, sure))
             for i, name in enumerate(self._scored):
                 metrics = records.metrics_records(times, first, block["counts"][:, i])
                 streams.append((f"/metrics/{name}", ros.METRICS, metrics))

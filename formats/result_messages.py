@@ -24,6 +24,7 @@ EVIDENCE = "replay_msgs/msg/Evidence"
 CELLS = "replay_msgs/msg/CellLayers"
 GRID = "nav_msgs/msg/OccupancyGrid"
 POSE = "geometry_msgs/msg/PoseStamped"
+POSE_WITH_COVARIANCE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 TF = "tf2_msgs/msg/TFMessage"
 
 OWN = {

@@ -50,6 +50,9 @@ def record(fields: list[tuple[str, int, Any]], size: int) -> np.dtype[np.void]:
 STAMP = [("sec", 0, "<u4"), ("nanosec", 4, "<u4")]
 TEXT = [("length", 8, "<u4"), ("frame", 12, "S5")]
 POSE_RECORD = record([*STAMP, *TEXT, ("pose", 24, ("<f8", 7))], 80)
+COVARIANCE_RECORD = record(
+    [*STAMP, *TEXT, ("pose", 24, ("<f8", 7)), ("covariance", 80, ("<f8", (6, 6)))], 368
+)
 TF_RECORD = record(
     [
         ("transforms", 0, "<u4"),
@@ -86,6 +89,18 @@ def pose_records(times_ns: npt.NDArray[np.int64], poses: Floats) -> npt.NDArray[
     out = stamped(POSE_RECORD, times_ns)
     out["length"], out["frame"] = len(PLAN) + 1, PLAN.encode()
     out["pose"] = numbers(poses)
+    return out
+
+
+def covariance_records(
+    times_ns: npt.NDArray[np.int64], poses: Floats, covariances: Floats
+) -> npt.NDArray[Any]:
+    """geometry_msgs/PoseWithCovarianceStamped likewise; covariances (n, 3, 3) of x, y, yaw."""
+    out = stamped(COVARIANCE_RECORD, times_ns)
+    out["length"], out["frame"] = len(PLAN) + 1, PLAN.encode()
+    out["pose"] = numbers(poses)
+    rows = np.array([0, 1, 5])
+    out["covariance"][:, rows[:, None], rows] = covariances
     return out
 
 

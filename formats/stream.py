@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from math import inf, isfinite
 from os import PathLike
-from typing import TypedDict, Unpack
+from typing import Literal, TypedDict, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -32,10 +32,9 @@ from formats.depth import SLAB
 from formats.drive import Drive
 from formats.echo import ECHOES, Echo
 from formats.errors import Notes, UsageError
-from formats.explaining import tell_choice, tell_missing
+from formats.explaining import tell_choice, tell_missing, tell_odometry
 from formats.frame import Frame, Pose
 from formats.gathering import Gathered, ScanTimes, gather
-from formats.gating import gate
 from formats.log import Log, Topic
 from formats.opening import READERS, open_log
 from formats.sensing import SENSORS
@@ -46,6 +45,7 @@ from formats.way import Way, blocks, flat
 
 __all__ = ["READERS", "Drive", "Options", "frames", "open_log", "survey"]
 
+PoseWish = Literal["log", "auto", "odometry"]
 Source = Log | str | PathLike[str] | Sequence[str | PathLike[str]]
 
 
@@ -54,7 +54,10 @@ class Options(TypedDict, total=False):
 
     Attributes:
         scan: the scan's topic.
-        pose: a topic with poses, or "tf".
+        pose: a topic with poses, or "tf"; "none" for none of them.
+        poses: "log": those that the log has; "odometry": of the robot's own motion first, and none
+            at all will do, since the caller finds the poses; "auto": those of the log, and if they
+            are odometry alone the caller says what comes of it.
         map_frame: frame of the poses.
         base_frame: frame of the robot's body.
         sensor_pose: of the sensor on the body, instead of what tf says; heights then count from it.
@@ -74,6 +77,7 @@ class Options(TypedDict, total=False):
 
     scan: str | None
     pose: str | None
+    poses: PoseWish
     map_frame: str | None
     base_frame: str | None
     sensor_pose: Pose | None
@@ -111,11 +115,12 @@ def survey(log: Log, notes: Notes, **options: Unpack[Options]) -> Drive:
         sensor_pose=options.get("sensor_pose"),
         pose_delay_ns=round((options.get("pose_delay") or 0.0) * SECOND),
         max_gap_ns=round((options.get("max_gap") or MAX_GAP_NS / SECOND) * SECOND),
+        odometry=options.get("poses") == "odometry",
     )
-    look, asked = _look(log, options), options.get("camera_info") or ""
+    look, camera_info = _look(log, options), options.get("camera_info") or ""
     topics = scan_topics(log, wishes.scan)
     pictures = [topic for topic in topics if SENSORS[topic.type].forward == 2]
-    cameras = {topic: info_topic(log, topic, asked) for topic in pictures}
+    cameras = {topic: info_topic(log, topic, camera_info) for topic in pictures}
     infos = {topic for topic in cameras.values() if topic is not None}
     gathered = gather(log, notes, topics, pose_topics(log, wishes.pose), infos)
     scans, clock, way, reason = _chosen(gathered, wishes)
@@ -133,7 +138,10 @@ def survey(log: Log, notes: Notes, **options: Unpack[Options]) -> Drive:
         look = look._replace(camera=calibration(log, scans.topic, camera))
     tell_missing(gathered, scans, way, keep, times, zero)
     keep &= way.valid
-    choice = tell_choice(gathered, scans, way, keep, reason, bool(wishes.pose))
+    asked = bool(wishes.pose) and way.source.kind != "nothing"
+    choice = tell_choice(gathered, scans, way, keep, reason, asked, wishes.odometry)
+    if options.get("poses", "log") == "log":
+        tell_odometry(choice, notes, log.path)
     rows = np.flatnonzero(keep)
     rows = rows[np.argsort(times[rows], kind="stable")]
     sweeps = np.zeros(len(rows), dtype=np.int64)
@@ -148,31 +156,27 @@ def survey(log: Log, notes: Notes, **options: Unpack[Options]) -> Drive:
         tell_aim(scans, upright, notes, log.path)
     elif not sensor.solid:
         tell_attitude(scans, upright, notes, log.path)
-    try:
-        taken = gate(
-            poses,
-            every=options.get("every", 1),
-            min_travel=options.get("min_travel") or 0.0,
-            min_turn=options.get("min_turn") or 0.0,
-            readings_per_pose=options.get("readings_per_pose"),
-        )
-    except ValueError as error:
-        raise UsageError(log.path, str(error)) from None
     middles = times[rows] + sweeps // 2
-    return Drive(
+    drive = Drive(
         log=log,
         notes=notes,
         choice=choice,
         total=len(scans),
         posed=len(rows),
-        times_ns=middles[taken],
-        poses=poses[taken],
+        times_ns=middles,
+        poses=poses,
         limit=scans.limit,
         zero_ns=zero,
         way=way,
-        rows=rows[taken],
-        sweeps_ns=sweeps[taken],
+        rows=rows,
+        sweeps_ns=sweeps,
         look=look,
+    )
+    return drive.gated(
+        every=options.get("every", 1),
+        min_travel=options.get("min_travel") or 0.0,
+        min_turn=options.get("min_turn") or 0.0,
+        readings_per_pose=options.get("readings_per_pose"),
     )
 
 

@@ -76,7 +76,6 @@ def origin(world: World, drive: Drive, log: Log) -> dict[str, Any]:
         "inputs": world.inputs,
         "scan": drive.choice.scan.name,
         "poses": str(drive.choice.source),
-        "poses_depend_on": "log",
         "map_frame": drive.choice.map_frame,
         "base_frame": drive.choice.base_frame,
         "scans_in_log": drive.total,

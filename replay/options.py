@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from math import inf
 from os import PathLike
-from typing import Any, TypedDict
+from typing import Any
 
 from formats.depth import SLAB
 from formats.echo import Echo
@@ -15,11 +15,12 @@ from formats.grid import Update
 from formats.paper import Distance
 from replay.cells import Rule
 from replay.drawn import PlanMethod
+from replay.localise import options as localising
 from replay.sensor import NoReturn
 from replay.world import Region
 
 
-class Options(TypedDict, total=False):
+class Options(localising.Options, total=False):
     """What may be said to `run`, by the names of the flags; `replay run --help` explains each."""
 
     scan: str
@@ -37,6 +38,10 @@ class Options(TypedDict, total=False):
     min_turn: float
     start_offset: float
     duration: float
+    poses: str
+    initial_pose: Pose | None
+    initial_cov: tuple[float, float, float] | None
+    seed: int
     plan_resolution: float | None
     plan_origin: Pose | None
     plan_page: int
@@ -80,6 +85,14 @@ READING: Options = {
     "start_offset": 0.0,
     "duration": inf,
 }
+GATES = ("every", "readings_per_pose", "min_travel", "min_turn")  # of READING: fewer scans
+POSING: Options = {
+    "poses": "auto",
+    "initial_pose": None,  # anywhere on the plan
+    "initial_cov": None,  # 0.25 m², 0.25 m², (pi / 12)²
+    "seed": 0,
+    **localising.DEFAULTS,  # type: ignore[typeddict-item]
+}
 PLAN: Options = {
     "plan_resolution": None,
     "plan_origin": None,
@@ -108,7 +121,7 @@ WORLD: Options = {
 }
 # Walls indoors lie nearer than 25 m, and the grid stays small.
 MAPPING: Options = {"max_range": 25.0, "no_return": "near"}
-DEFAULTS: Options = {**READING, **PLAN, **WORLD, **MAPPING}
+DEFAULTS: Options = {**READING, **POSING, **PLAN, **WORLD, **MAPPING}
 # Least and most of each number (s, m, rad, or a share); nan is none of them.
 RANGES: dict[str, tuple[float, float]] = {
     "pose_delay": (-1e9, 1e9),
@@ -132,6 +145,8 @@ RANGES: dict[str, tuple[float, float]] = {
     "p_miss": (0.0, 1.0),
     "resolution": (1e-4, 1e3),
     "max_range": (1e-3, 1e6),
+    "seed": (0, 2**63 - 1),
+    **localising.RANGES,
 }
 UNLIMITED = ("duration", "max_range")  # may be inf, too
 

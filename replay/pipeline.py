@@ -26,7 +26,8 @@ class Clock:
     """Where the time of a run goes."""
 
     def __init__(self) -> None:
-        self.seconds = {"reading": 0.0, "mapping": 0.0, "scoring": 0.0, "writing": 0.0}
+        stages = ("reading", "localising", "mapping", "scoring", "writing")
+        self.seconds = dict.fromkeys(stages, 0.0)
         self._last = perf_counter()
 
     def lap(self, stage: str) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from array import array
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from math import inf
 from os import PathLike
 from os.path import realpath
@@ -14,6 +15,7 @@ from typing import Any, Unpack
 import numpy as np
 
 from formats.errors import Notes, UsageError
+from formats.frame import Pose
 from formats.output import check_output
 from formats.plan_edits import read_plan_edits
 from formats.plan_file import open_plan
@@ -23,8 +25,9 @@ from formats.result_file import ResultWriter
 from formats.stream import open_log, survey
 from replay import facts
 from replay.mapper import Mapper
-from replay.options import READING, WORLD, Options, among, effective, plan_values
+from replay.options import GATES, READING, WORLD, Options, among, effective, plan_values
 from replay.pipeline import Clock, steps
+from replay.posing import decide, pose, wish
 from replay.sensor import MODELS
 from replay.world import build_world
 
@@ -102,21 +105,34 @@ def run(
         log = open_log(sources, notes)
         stack.callback(log.close)
         before = states(sources)
-        drive = survey(log, notes, **among(chosen, READING))
-        if plan and (align or not (plan.placed or chosen["plan_pose"])):
+        reading = among(chosen, READING)
+        whole = {name: value for name, value in reading.items() if name not in GATES}
+        drive = survey(log, notes, poses=wish(chosen["poses"]), **whole)
+        decision = decide(chosen["poses"], drive, plan, asked=bool(chosen["pose"]))
+        laid = align is not None or chosen["plan_pose"] is not None
+        if plan and not (plan.placed or laid) and chosen["poses"] == "amcl":
+            plan = replace(plan, placed=True)  # its lower left corner is the map's origin
+        elif plan and (align or not (plan.placed or laid)):
             from replay.placing import located
 
-            plan = located(plan, sources[0], align, notes, **among(chosen, READING))
+            plan, laid = located(plan, sources[0], align, notes, **reading), True
+        clock.lap("reading")
+        posed = pose(decision, drive, plan, notes, chosen, laid=laid)
+        drive = posed.drive.gated(**among(chosen, GATES))
+        clock.lap("localising")
         reach = min(drive.limit if drive.limit > 0.0 else inf, chosen["max_range"])
         world = build_world(
             plan, real, drive.bounds, reach, notes, plan_edits=edits, **among(chosen, WORLD)
         )
         facts.warn(world, chosen, notes)
+        to_map = chosen["plan_pose"] or Pose(0.0, 0.0, 0.0)
         mapper = Mapper(
             world.geometry, chosen["sensor"], max_range=reach, no_return=chosen["no_return"]
         )
         said = facts.said(world, drive, notes)
-        origin = {"said": said, **facts.origin(world, drive, log)}
+        if posed.said:
+            said = {**said, "poses": [posed.said]}
+        origin = {"said": said, **facts.origin(world, drive, log), **posed.facts}
         writer = ResultWriter(
             out,
             geometry=world.geometry,
@@ -131,6 +147,7 @@ def run(
                 **chosen,
             },
             map_to_plan=world.map_to_plan,
+            covariances=posed.covariances(world.map_to_plan.yaw - to_map.yaw),
             attachments={path.name: path.read_bytes() for path in world.files},
             facts=origin,
             force=force,

@@ -206,15 +206,24 @@ def elsewhere(log: RosLog) -> RosLog:
 
 table(56, "tf comes before amcl", quiet=True)(lambda d: put(d, elsewhere(drive())))
 table(56, "amcl alone", quiet=True)(lambda d: put(d, amcl(drive(poses="none"))))
-table(56, "odometry alone", "odometry alone")(lambda d: put(d, drive(poses="odom")))
+
+
+@table(56, "odometry alone", "odometry alone")
+def _(d: Path) -> Given:
+    return Given(put(d, drive(poses="odom")), options=("--poses", "log"))
+
+
+@table(56, "odometry alone, a plan that is placed", map="own", least=0.9)
+def _(d: Path) -> Path:
+    return put(d, drive(poses="odom"))
 
 
 @table(56, "odometry's topic alone", "odometry alone")
-def _(d: Path) -> Path:
+def _(d: Path) -> Given:
     log = drive(poses="none")
     for k in range(STEPS + 1):
         log.odometry(k / 10, path(k / 10))
-    return put(d, log)
+    return Given(put(d, log), options=("--poses", "log"))
 
 
 @table(57, "teleport of 3 m", "jumps by 3.1 m", map="own", least=0.9)

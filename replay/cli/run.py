@@ -10,16 +10,20 @@ import click
 
 from formats.errors import Notes
 from replay.cli.drawing_values import scaled
+from replay.cli.localising_flags import localising_flags
 from replay.cli.values import (
     NOT_NEGATIVE,
     POSITIVE,
     PROBABILITY,
+    CovarianceType,
     PoseType,
     SpanType,
     answer,
     ending,
     say,
 )
+
+METHODS = ["auto", "log", "amcl"]
 
 
 @click.command("run")
@@ -55,7 +59,16 @@ from replay.cli.values import (
     help="Where `replay align` found that the plan lies; found anew where nothing says it.",
 )
 @click.option("--scan", metavar="TOPIC", help="The scans; chosen when only one topic fits.")
-@click.option("--pose", metavar="TOPIC", help='Where poses come from: a topic, or "tf".')
+@click.option("--pose", metavar="TOPIC", help='Where poses come from: a topic, "tf", "none".')
+@click.option(
+    "--poses",
+    type=click.Choice(METHODS),
+    help="The log's, or found on the plan; auto (default) decides and says why.",
+)
+@click.option("--initial-pose", type=PoseType(), help="Where amcl starts; else anywhere.")
+@click.option("--initial-cov", type=CovarianceType(), help="Its variances; 0.25,0.25,0.0685.")
+@click.option("--seed", type=click.IntRange(0), help="Of what is drawn by chance; 0.")
+@localising_flags
 @click.option("--map-frame", metavar="FRAME", help="The frame of the poses; map by default.")
 @click.option("--base-frame", metavar="FRAME", help="The robot's frame; base_link by default.")
 @click.option("--sensor-pose", type=PoseType(), help="Of the sensor in the base frame; else tf.")
@@ -149,6 +162,9 @@ def command(logs: tuple[Path, ...], as_json: bool, quiet: bool, **options: Any) 
 
     Probabilities of the prior (--p-wall, --p-space, --p-outside) are of EMPTY, as the paper has
     them; those of the sensor (--p-hit, --p-miss) are of OCCUPIED, as ROS has them.
+
+    Localisation takes the options of nav2_amcl by their names, too (--max-particles, --alpha1,
+    --laser-model-type and so on); docs/poses.md lists them.
     """
     from replay import run
     from replay.cli.progress import bar

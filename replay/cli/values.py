@@ -52,6 +52,26 @@ class SpanType(click.ParamType[tuple[float, float]]):
         return low, high
 
 
+class CovarianceType(click.ParamType[tuple[float, float, float]]):
+    """XX,YY,AA: variances in m², m², rad²."""
+
+    name = "XX,YY,AA"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, float, float]:
+        """The three variances, or a usage error that shows the form."""
+        if isinstance(value, tuple):
+            return value
+        try:
+            xx, yy, aa = (float(part) for part in str(value).split(","))
+        except ValueError:
+            xx = yy = aa = -1.0
+        if not all(0.0 <= number < FARTHEST for number in (xx, yy, aa)):
+            self.fail(f"{value!r} is not XX,YY,AA (variances: m², m², rad²)", param, ctx)
+        return xx, yy, aa
+
+
 PROBABILITY = click.FloatRange(0.0, 1.0)
 POSITIVE = click.FloatRange(0.0, min_open=True)
 NOT_NEGATIVE = click.FloatRange(0.0)

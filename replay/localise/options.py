@@ -82,3 +82,31 @@ DEFAULTS: Options = {
     "global_particles": 100_000,
     "effective_beams": 8.0,
 }
+# Least and most of each.
+RANGES: dict[str, tuple[float, float]] = {
+    "max_beams": (1, 1e6),
+    "laser_min_range": (-1.0, 1e6),
+    "laser_max_range": (-1.0, 1e6),
+    "z_hit": (0.0, 1.0),
+    "z_short": (0.0, 1.0),
+    "z_max": (0.0, 1.0),
+    "z_rand": (1e-9, 1.0),  # without it a reading may be impossible from every particle
+    "sigma_hit": (1e-3, 1e3),
+    "lambda_short": (1e-9, 1e6),
+    "laser_likelihood_max_dist": (1e-3, 1e3),
+    "alpha1": (0.0, 1e3),
+    "alpha2": (0.0, 1e3),
+    "alpha3": (0.0, 1e3),
+    "alpha4": (0.0, 1e3),
+    "update_min_d": (0.0, 1e6),
+    "update_min_a": (0.0, 1e6),
+    "min_particles": (1, 10_000_000),
+    "max_particles": (1, 10_000_000),
+    "pf_err": (1e-6, 1e3),
+    "pf_z": (0.0, 10.0),
+    "resample_interval": (1, 1e6),
+    "recovery_alpha_slow": (0.0, 1.0),
+    "recovery_alpha_fast": (0.0, 1.0),
+    "global_particles": (1, 10_000_000),
+    "effective_beams": (1e-9, 1e6),
+}

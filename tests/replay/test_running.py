@@ -193,6 +193,7 @@ def test_odometry_alone_is_said(shared_data: Path, tmp_path: Path) -> None:
         folder / "maps/mac_1st_floor_final.yaml",
         output=tmp_path / "mac.replay.mcap",
         notes=notes,
+        poses="log",
     )
     assert any("odometry alone" in note.problem for note in notes.of("warning"))
 
