@@ -14,6 +14,7 @@ from formats.errors import Notes, UsageError
 from formats.explaining import tell_odometry
 from formats.frame import Floats, Pose
 from formats.plan import Plan
+from formats.plan_edits import PlanEdits
 from formats.stream import PoseWish
 from replay.drawn import PlanMethod, taken_apart
 from replay.localise.localising import LOCALISERS, localise
@@ -108,6 +109,7 @@ def pose(
     options: Mapping[str, Any],
     *,
     laid: bool = False,
+    edits: PlanEdits | None = None,
 ) -> Posed:
     """Find the poses of a drive.
 
@@ -118,6 +120,7 @@ def pose(
         notes: told what was found.
         options: of the run.
         laid: the plan was laid under the log's poses, so that they say about where it starts.
+        edits: by hand, of the plan.
 
     Raises:
         UsageError: a start is given, and the log's own poses are taken.
@@ -139,7 +142,7 @@ def pose(
         start = to_map.inverse() @ first
     spread = options["initial_cov"]
     assert plan is not None
-    walls, _ = taken_apart(plan, _method(options), Notes())
+    walls, _ = taken_apart(plan, _method(options), Notes(), edits)
     found = localise(
         drive,
         walls,

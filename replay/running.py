@@ -117,7 +117,7 @@ def run(
 
             plan, laid = located(plan, sources[0], align, notes, **reading), True
         clock.lap("reading")
-        posed = pose(decision, drive, plan, notes, chosen, laid=laid)
+        posed = pose(decision, drive, plan, notes, chosen, laid=laid, edits=edits)
         drive = posed.drive.gated(**among(chosen, GATES))
         clock.lap("localising")
         reach = min(drive.limit if drive.limit > 0.0 else inf, chosen["max_range"])
