@@ -13,7 +13,6 @@ from formats.picture_header import INCH, MAX_PIXELS, PictureError
 from formats.raster import Grey
 
 DPI = 200.0  # of a page, where nothing says another
-LARGEST_SCALE = 100_000.0
 # Scales that are drawn at: other numbers after "1:" are times of day, slopes, concrete mixes.
 SCALES = frozenset(
     {5, 10, 20, 25, 40, 50, 75, 100, 125, 150, 200, 250, 300, 400, 500, 750, 1000, 1250, 2000}
