@@ -11,8 +11,9 @@ PUBLIC = {
     "steps": "replay.pipeline",
     "export": "replay.exporting",
     "plan": "replay.planning",
+    "deviation": "replay.deviating",
 }
-__all__ = ["export", "plan", "run", "steps"]
+__all__ = ["deviation", "export", "plan", "run", "steps"]
 
 
 def __getattr__(name: str) -> Any:

@@ -69,7 +69,7 @@ def export(
                 result, f"cannot export {name!r}", hint=f"choose from {', '.join(WHAT)}"
             )
     place = HERE if frame == "plan" else run.map_to_plan
-    stem = _stem(Path(result), out)
+    stem = stem_of(Path(result), out)
     with _folder_beside(stem) as folder:
         job = Job(run, Path(folder) / stem.name, place, fill_prior, run.evidence())
         for name in chosen:
@@ -88,7 +88,7 @@ def export(
     return targets
 
 
-def _stem(result: Path, out: AnyPath | None) -> Path:
+def stem_of(result: Path, out: AnyPath | None) -> Path:
     """Folder and first part of the names of all files."""
     name = result.name.removesuffix(".mcap").removesuffix(".replay") or "result"
     if out is None:

@@ -29,6 +29,7 @@ from replay.options import GATES, READING, WORLD, Options, among, effective, pla
 from replay.pipeline import Clock, steps
 from replay.posing import decide, pose, wish
 from replay.sensor import MODELS
+from replay.surveying.deviations import deviations
 from replay.world import build_world
 
 Source = str | PathLike[str]
@@ -184,6 +185,9 @@ def run(
             "log_seconds": (times[-1] - times[0]) / 1e9 if times else 0.0,
             "notes": [f"{note.kind}: {note}" for note in notes if note.kind != "info"],
         }
+        if world.plan is not None:
+            levels = world.curves["none"].p_levels
+            found["walls"] = deviations(mapper.evidence, world.kept(), levels).facts()
         writer.finish(found)
         grids = {name: curve.of(mapper.evidence) for name, curve in world.curves.items()}
     clock.lap("writing")

@@ -18,6 +18,7 @@ VERBS = {
     "info": "Say what a log holds, and whether it can be used.",
     "plan": "Find walls, doors and outline in a drawing.",
     "align": "Find where a plan lies under a log or a map.",
+    "deviation": "Say which walls of the plan stand, moved, or are not there.",
     "export": "Write maps, poses and scores of a result in the formats of others.",
 }
 

@@ -23,11 +23,22 @@ def run_report(result: Result) -> str:
             _line("map", f"{mapped}, {facts['explored']:.0%} of the scored cells observed")
         )
         lines += score_table(facts)
+        if "walls" in facts:
+            lines.append(_line("walls", walls_line(facts["walls"]["metres"])))
     else:
         lines += [_line("map", mapped), _line("score", facts["against"])]
     for path in facts["written"]:
         lines.append(_line("wrote", printable(path)))
     return "\n".join(lines)
+
+
+def walls_line(metres: dict[str, float]) -> str:
+    """How the plan's walls were found, by length; `replay deviation` tells them one by one."""
+    seen = sum(metres[state] for state in ("confirmed", "moved", "not there"))
+    if not seen:
+        return f"none of the plan's {metres['unseen']:.0f} m was seen"
+    shares = ", ".join(f"{metres[s] / seen:.0%} {s}" for s in ("confirmed", "moved", "not there"))
+    return f"{seen:.0f} m of the plan's {seen + metres['unseen']:.0f} m seen: {shares}"
 
 
 def _line(word: str, text: str) -> str:
