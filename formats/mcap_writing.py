@@ -110,7 +110,7 @@ class McapWriter:
 
     def finish(self) -> None:
         """Write what is left, the summary and the footer."""
-        self._close_chunk()
+        self.close_chunk()
         self._write(encode(r.DataEnd(self._crc)))
         self._groups[r.STATISTICS] = [encode(self._statistics())]
         start, summary, offsets = self._at, b"", b""
@@ -138,9 +138,9 @@ class McapWriter:
         """Records go into the open chunk, which their end may close."""
         self._chunk += records
         if len(self._chunk) > CHUNK_SIZE:
-            self._close_chunk()
+            self.close_chunk()
 
-    def _close_chunk(self) -> None:
+    def close_chunk(self) -> None:
         """Write the open chunk and its message indexes."""
         if not self._chunk:
             return

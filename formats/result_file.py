@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import re
 import struct
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
-from datetime import UTC, datetime
 from importlib.metadata import version
-from math import isfinite
 from pathlib import Path, PurePath
 from types import TracebackType
 from typing import Any
@@ -23,11 +20,14 @@ from formats.errors import FormatError
 from formats.errors import Path as AnyPath
 from formats.frame import Pose
 from formats.grid import Evidence, Geometry
-from formats.keyframes import Change, Keyframes, Pictures, percent
+from formats.groups import grouped, scored_cells
+from formats.keyframes import Keyframes, Pictures, percent
 from formats.mcap_writing import McapWriter
 from formats.output import atomic
+from formats.plain_json import now, plain_json
 from formats.result import Curve, Step
-from formats.result_reading import FORMAT, RECORD, RunFile, read_result
+from formats.result_contents import FORMAT, RECORD
+from formats.result_reading import RunFile, read_result
 
 __all__ = ["FORMAT", "ResultWriter", "RunFile", "read_result"]
 
@@ -198,15 +198,15 @@ class ResultWriter:
             "frames": self._frames,
             "keyframes": len(self._keyframes.kept),
         }
-        now = datetime.now(UTC).isoformat(timespec="seconds")
-        writer.metadata("written", {"time": now})
-        writer.metadata(RECORD, {key: _json(value) for key, value in record.items()})
+        writer.metadata("written", {"time": now()})
+        writer.metadata(RECORD, {key: plain_json(value) for key, value in record.items()})
         for name, data in self._attachments.items():
             media = MEDIA.get(PurePath(name).suffix.lower(), "application/octet-stream")
             writer.attachment(name, media, data)
 
     def _messages(self, channels: ros.Channels) -> None:
-        """What holds once, then each frame's small messages and its keyframe's, by time."""
+        """What re-scoring needs; then each frame's small messages and its keyframe's, by time."""
+        self._kept(channels)
         kept = {change.frame: change for change in self._keyframes.kept}
         shown = {"/map": self._main, "/map_without_prior": "none"}
         shown = {topic: name for topic, name in shown.items() if name in self._curves}
@@ -220,7 +220,6 @@ class ResultWriter:
                 time, behind = int(times[frame - first]), frame - first + 1
                 channels.add_frames(frames[done:behind])
                 done = behind
-                self._evidence(channels, time, kept[frame])
                 pictures.add(kept[frame])
                 for topic, name in shown.items():
                     self._grid(channels, topic, time, pictures.cells[name])
@@ -249,12 +248,30 @@ class ResultWriter:
             yield first, times, streams
             first += len(block)
 
+    def _kept(self, channels: ros.Channels) -> None:
+        """Groups, layers and evidence in chunks of their own: re-scoring opens no other.
+
+        Times of chunks overlap, then, which the index of the file accounts for.
+        """
+        cells = self._last and scored_cells(self._layers, self._last.counts)
+        if cells:
+            last = self._time(self._frames - 1)
+            groups = ros.groups_message(grouped(cells))
+            channels.add(ros.GROUPS_TOPIC, ros.GROUPS, last, groups)
+            channels.close_chunk()
+        if self._layers:
+            layers = ros.cells_message(self._geometry, self._layers)
+            channels.add("/cells", ros.CELLS, self._time(0), layers)
+            channels.close_chunk()
+        for change in self._keyframes.kept:
+            time = self._time(change.frame)
+            message = ros.evidence_message(time, self._geometry, self._levels, change)
+            channels.add("/evidence", ros.EVIDENCE, time, message)
+        channels.close_chunk()
+
     def _once(self, channels: ros.Channels, time: int) -> None:
         """What holds for the whole run."""
         channels.add("/tf_static", ros.TF, time, ros.static_transform(time, self._map_to_plan))
-        if self._layers:
-            cells = ros.cells_message(self._geometry, self._layers)
-            channels.add("/cells", ros.CELLS, time, cells)
         if "prior_log_odds" in self._layers:
             prior = percent(-self._layers["prior_log_odds"].reshape(-1))
             self._grid(channels, "/prior", time, prior)
@@ -264,9 +281,11 @@ class ResultWriter:
     ) -> None:
         channels.add(topic, ros.GRID, time, ros.occupancy_grid(time, self._geometry, cells))
 
-    def _evidence(self, channels: ros.Channels, time: int, change: Change) -> None:
-        message = ros.evidence_message(time, self._geometry, self._levels, change)
-        channels.add("/evidence", ros.EVIDENCE, time, message)
+    def _time(self, frame: int) -> int:
+        """ns, of a frame that is held."""
+        self._held.seek(frame * self._record.size)
+        (time,) = struct.unpack("<q", self._held.read(8))
+        return int(time)
 
 
 def _checked(curves: Mapping[str, Curve], main: str, geometry: Geometry) -> dict[str, Curve]:
@@ -279,20 +298,3 @@ def _checked(curves: Mapping[str, Curve], main: str, geometry: Geometry) -> dict
         if curve.prior.geometry != geometry or len(curve.p_levels) != len(curves[main].p_levels):
             raise ValueError(f"the curve {name!r} lies on another lattice or has other levels")
     return dict(curves)
-
-
-def _json(value: object) -> str:
-    """JSON that every reader takes: paths, inf and nan as text, numpy's numbers as numbers."""
-    return json.dumps(_plain(value), ensure_ascii=False, allow_nan=False)
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
-    if isinstance(value, float) and not isfinite(value):
-        return str(value)
-    return value if isinstance(value, str | int | float | None) else str(value)

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from formats.frame import Pose
 from formats.grid import Geometry
+from formats.groups import Groups
 from formats.keyframes import Change
 from formats.mcap_write_records import block
 from formats.mcap_writing import McapWriter
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 METRICS = "replay_msgs/msg/MapMetrics"
 EVIDENCE = "replay_msgs/msg/Evidence"
 CELLS = "replay_msgs/msg/CellLayers"
+GROUPS = "replay_msgs/msg/CellGroups"
+GROUPS_TOPIC = "/cells/groups"
 GRID = "nav_msgs/msg/OccupancyGrid"
 POSE = "geometry_msgs/msg/PoseStamped"
 POSE_WITH_COVARIANCE = "geometry_msgs/msg/PoseWithCovarianceStamped"
@@ -67,6 +70,14 @@ float64[] clutter
 uint32[] truth_wall       # pixels of the truth
 uint32[] truth_scored
 float64[] prior_log_odds  # of occupied
+""",
+    GROUPS: """\
+# The scored cells after the last frame, counted by what they are and what was seen of them: their
+# score under any other prior or sensor depends on nothing else.
+uint32 levels
+uint8[] kind     # 1 some wall + 2 mostly wall + 4 outside + 8 door + 16 window + 32 wall in truth
+uint32[] counts  # readings of each cell of the group: level by level, group by group
+uint32[] cells   # how many cells the group has
 """,
 }
 LAYERS: dict[str, type[np.generic]] = {
@@ -222,6 +233,12 @@ def cells_message(geometry: Geometry, layers: Mapping[str, npt.NDArray[Any]]) ->
     return encode(make(CELLS, rows=geometry.rows, cols=geometry.cols, **fields))
 
 
+def groups_message(groups: Groups) -> bytes:
+    """replay_msgs/CellGroups."""
+    fields = {"kind": groups.kind, "counts": groups.counts.reshape(-1), "cells": groups.cells}
+    return encode(make(GROUPS, levels=len(groups.counts), **fields))
+
+
 class Channels:
     """Adds messages, registering each topic and type when it first comes.
 
@@ -257,6 +274,10 @@ class Channels:
     def add_frames(self, frames: npt.NDArray[np.void]) -> None:
         """Frames of a `block`."""
         self._writer.block(frames)
+
+    def close_chunk(self) -> None:
+        """What comes next begins a chunk, so that a reader need not open those before it."""
+        self._writer.close_chunk()
 
     def _number(self, topic: str, kind: str) -> int:
         if topic not in self._channels:

@@ -2,37 +2,27 @@
 
 from __future__ import annotations
 
-import json
-import mmap
-import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from zlib import crc32
 
 import numpy as np
 import numpy.typing as npt
 
 from formats import result_messages as ros
 from formats import result_records as records
-from formats.errors import FormatError, Notes
+from formats.errors import Notes
 from formats.errors import Path as AnyPath
 from formats.frame import Pose
 from formats.grid import Evidence, Floats, Geometry, Grid
 from formats.keyframes import Change
-from formats.mcap_log import open_file
 from formats.result import Curve, Result
+from formats.result_contents import Messages, Stream, fitting, opened
 
-FORMAT = 1  # of the file; raised when an older reader would misread it
-RECORD = "replay"  # the metadata record that makes an MCAP a result
-AGAIN = "run `replay run` on its log again"
-DATA_END, FOOTER = 13, 37  # bytes that end an MCAP: of the record; of the footer and the magic
 READ = ("/pose", "/cells", "/evidence", "/metrics/")  # the rest is there for other programs
+READ_AGAIN = ("/cells", "/evidence")
 MAX_COUNTS = 1 << 29  # levels * rows * cols: 2 GiB of counts
-
-Stream = list[tuple[int, bytes]]  # log time (ns) and payload of each message of a topic
-Messages = dict[str, Stream]
 
 
 @dataclass(slots=True)
@@ -105,33 +95,31 @@ def read_result(path: AnyPath, notes: Notes | None = None) -> RunFile:
         FormatError: it is not a result, of a newer format, cut or damaged.
     """
     path = Path(path)
-    metadata, attachments, messages = _contents(path, notes or Notes())
-    if RECORD not in metadata:
-        hint = "`replay run` writes results; `replay info` looks into logs"
-        raise FormatError(path, f'not a result of replay: no metadata record "{RECORD}"', hint=hint)
-    if not _sound(path):
-        raise FormatError(path, "damaged: the checksum of its data does not match", hint=AGAIN)
-    record = _record(path, metadata[RECORD])
-    try:
+    record, metadata, attachments, messages = opened(path, READ, notes)
+    with fitting(path):
         return _run_file(path, record, metadata, attachments, messages)
-    except FormatError:
-        raise
-    except Exception as error:  # a file may say anything; what it says wrong is one line
-        problem = f"a result that does not fit together ({type(error).__name__}: {error})"
-        raise FormatError(path, problem, hint=AGAIN) from error
 
 
-def _record(path: Path, fields: Mapping[str, str]) -> dict[str, Any]:
-    """The metadata record, decoded, if its format is one that this reader knows."""
-    try:
-        version = int(fields["format"])
-        if version > FORMAT:
-            problem = f"a result of format {version}; this replay reads up to {FORMAT}"
-            raise FormatError(path, problem, hint="update replay")
-        return {key: json.loads(value) for key, value in fields.items()}
-    except (ValueError, KeyError, RecursionError) as error:
-        problem = f'the metadata record "{RECORD}" is malformed ({type(error).__name__}: {error})'
-        raise FormatError(path, problem) from error
+def read_through_time(
+    path: Path, notes: Notes | None = None
+) -> tuple[dict[str, Any], dict[str, npt.NDArray[Any]], list[tuple[int, Change]], dict[str, bytes]]:
+    """The record "replay", layers, changes of the evidence with their times (ns), attachments.
+
+    Raises:
+        FormatError: as `read_result`.
+    """
+    record, _, attachments, messages = opened(path, READ_AGAIN, notes)
+    with fitting(path):
+        geometry, levels = _lattice(record)
+        layers = _layers(geometry, messages.get("/cells", []))
+        frames = int(record["frames"])
+        changes = [
+            (time, _change(geometry, levels, frames, data))
+            for time, data in messages.get("/evidence", [])
+        ]
+        if len(changes) != record["keyframes"]:
+            raise ValueError("keyframes are missing")
+        return record, layers, changes, attachments
 
 
 def _run_file(
@@ -142,11 +130,8 @@ def _run_file(
     messages: Messages,
 ) -> RunFile:
     """The parts, checked against each other. Raises anything on what does not fit."""
-    height, width, resolution, x, y = record["geometry"]
-    geometry = Geometry(int(height), int(width), float(resolution), float(x), float(y))
-    levels, frames = int(record["levels"]), int(record["frames"])
-    if min(height, width, levels) < 1 or levels * height * width > MAX_COUNTS or not resolution > 0:
-        raise ValueError(f"a grid of {levels} levels, {height} rows and {width} columns")
+    geometry, levels = _lattice(record)
+    frames = int(record["frames"])
     layers = _layers(geometry, messages.get("/cells", []))
     poses = _records(records.POSE_RECORD, messages["/pose"], frames)
     scored = {
@@ -158,7 +143,7 @@ def _run_file(
     }
     changes = [_change(geometry, levels, frames, data) for _, data in messages.get("/evidence", [])]
     place = Pose(*map(float, record["map_to_plan"]))
-    if not np.isfinite([x, y, *place, *poses["pose"].ravel()]).all():
+    if not np.isfinite([geometry.x, geometry.y, *place, *poses["pose"].ravel()]).all():
         raise ValueError("a pose that is not finite")
     if len(changes) != record["keyframes"] or record["main"] not in curves:
         raise ValueError("keyframes or curves are missing")
@@ -179,6 +164,15 @@ def _run_file(
         attachments=attachments,
         written=metadata.get("written", {}).get("time", ""),
     )
+
+
+def _lattice(record: Mapping[str, Any]) -> tuple[Geometry, int]:
+    """The geometry and the number of levels."""
+    height, width, resolution, x, y = record["geometry"]
+    levels = int(record["levels"])
+    if min(height, width, levels) < 1 or levels * height * width > MAX_COUNTS or not resolution > 0:
+        raise ValueError(f"a grid of {levels} levels, {height} rows and {width} columns")
+    return Geometry(int(height), int(width), float(resolution), float(x), float(y)), levels
 
 
 def _records(kind: np.dtype[np.void], stream: Stream, frames: int) -> npt.NDArray[Any]:
@@ -223,42 +217,3 @@ def _change(geometry: Geometry, levels: int, frames: int, data: bytes) -> Change
     if len(where) != len(message.added) or (len(where) and where[-1] >= cells):
         raise ValueError(f"evidence of frame {message.frame} outside its lattice")
     return Change(int(message.frame), where, message.added)
-
-
-def _contents(
-    path: Path, notes: Notes
-) -> tuple[dict[str, dict[str, str]], dict[str, bytes], Messages]:
-    """Metadata, attachments, and messages by topic, of a file that is whole to the last bit."""
-    said = Notes()
-    log = open_file(path, said)
-    try:
-        metadata = dict(log.metadata())
-        attachments = {name: bytes(data) for name, _, data in log.attachments()}
-        messages: Messages = {}
-        read = [topic for topic in log.topics() if topic.name.startswith(READ)]
-        for topic, time, data in log.messages(read):
-            messages.setdefault(topic.name, []).append((time, bytes(data)))
-        state = log.container.state if not log.container.whole else ""
-    finally:
-        log.close()
-    lost = [f"{note.problem} at {note.at}" for note in said.of("lost")]
-    if state or lost:
-        raise FormatError(path, f"damaged: {state or ', '.join(lost)}", hint=AGAIN)
-    for note in said:
-        notes.add(note.kind, path, note.problem, topic=note.topic, at=note.at, count=note.count)
-    return metadata, attachments, messages
-
-
-def _sound(path: Path) -> bool:
-    """Whether the checksum of the data section holds, the only one that covers metadata.
-
-    The footer says where the summary begins; the record DataEnd with the checksum ends there.
-    """
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        (summary,) = struct.unpack_from("<Q", data, len(data) - FOOTER + 9)
-        end = min(summary, len(data)) - DATA_END
-        if end < 0 or data[end] != 0x0F:
-            return False
-        (crc,) = struct.unpack_from("<I", data, end + 9)
-        with memoryview(data) as view, view[:end] as checked:
-            return crc in (0, crc32(checked))  # 0: whoever copied the file left it out

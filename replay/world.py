@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from formats.errors import FormatError, Notes
 from formats.frame import Pose
-from formats.grid import Geometry, Update, logit
+from formats.grid import Geometry, Grid, Update, logit
 from formats.plan_edits import PlanEdits
 from formats.plan_file import Extent, Plan, overlap
 from formats.result import Curve
@@ -133,14 +133,48 @@ def lattice(
     return Geometry.covering(*box, resolution)
 
 
+def informative(
+    layers: CellLayers,
+    openings: Mapping[str, Floats],
+    *,
+    cell_rule: Rule = "any",
+    p_door: float | None = None,
+    p_window: float | None = None,
+    prior_scale: float = PRIOR_SCALE,
+    **prior: float,
+) -> Grid:
+    """The plan's prior, with the doors and windows that a drawing shows.
+
+    Args:
+        layers: what the plan says by cell.
+        openings: "door" and "window" -> share of each cell, or neither.
+        cell_rule: when a cell is wall.
+        p_door, p_window: P(empty), before the scale; None: as space, as wall.
+        prior_scale: multiplies all of them but p_outside.
+        prior: p_wall, p_space, p_outside.
+
+    Raises:
+        UsageError: a value that is not a probability.
+    """
+    grid = build_prior(layers, prior_scale=prior_scale, rule=cell_rule, **prior)
+    if openings:
+        shut = layers.walls(cell_rule)
+        for p, cells in (
+            (p_door, (openings["door"] > 0) & ~shut),
+            (p_window, openings["window"] > 0),
+        ):
+            if p is not None:
+                grid.values[cells] = logit(used(p, prior_scale))
+    return grid
+
+
 def curves_of(
     layers: CellLayers,
-    drawn: bool,
+    prior: Grid | None,
     sensor: str,
     p_hit: float | None,
     p_miss: float | None,
     update: Update,
-    prior: Mapping[str, Any],
 ) -> dict[str, Curve]:
     """No prior and, where there is a plan, its prior under both rules of update.
 
@@ -152,14 +186,13 @@ def curves_of(
         p_hit = PAPER_HIT if p_hit is None else p_hit
         p_miss = PAPER_MISS if p_miss is None else p_miss
     levels = tuple(model.p_levels(p_hit, p_miss))
-    if not drawn:
+    if prior is None:
         return {"none": Curve(no_prior(layers), levels)}
     paper = levels if update == "paper" else tuple(model.p_levels(PAPER_HIT, PAPER_MISS))
-    informative = build_prior(layers, **prior)
     return {
         "none": Curve(no_prior(layers), levels),
-        "bayes": Curve(informative, levels),
-        "paper": Curve(informative, paper, "paper"),
+        "bayes": Curve(prior, levels),
+        "paper": Curve(prior, paper, "paper"),
     }
 
 
@@ -225,25 +258,19 @@ def build_world(
     ground = plan or truth
     map_to_plan = Pose(0.0, 0.0, 0.0) if ground is None else place(ground, plan_pose)
     geometry = lattice(ground, bounds, map_to_plan, resolution, reach)
-    layers, openings = blank(geometry), {}
+    layers, openings = blank(geometry), dict[str, Floats]()
     if plan is not None:
         plan, found = taken_apart(plan, plan_method, notes, plan_edits)
         layers = cell_layers(plan, geometry, notes=notes)
         if found is not None:
             openings = opening_cells(plan, found, geometry)
             layers = with_regions(layers, plan, found)
-    rule = {**prior, "rule": cell_rule}
-    curves = curves_of(layers, plan is not None, sensor, p_hit, p_miss, update, rule)
-    if openings:
-        scale = prior.get("prior_scale", PRIOR_SCALE)
-        shut = layers.walls(cell_rule)
-        l0 = curves["bayes"].prior.values  # which the paper curve shares
-        for p, cells in (
-            (p_door, (openings["door"] > 0) & ~shut),
-            (p_window, openings["window"] > 0),
-        ):
-            if p is not None:
-                l0[cells] = logit(used(p, scale))
+    drawn = None
+    if plan is not None:
+        drawn = informative(
+            layers, openings, cell_rule=cell_rule, p_door=p_door, p_window=p_window, **prior
+        )
+    curves = curves_of(layers, drawn, sensor, p_hit, p_miss, update)
     real = truth_beside(truth, plan) if truth and plan else truth or plan
     if real is None or real is plan:
         wall, scored = layers.walls(cell_rule), layers.footprint
