@@ -5,10 +5,12 @@ p_wall, p_space and p_outside are P(empty), as the paper prints them (section 3.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from formats.errors import UsageError
-from formats.grid import P_MAX, P_MIN, Grid, logit
+from formats.grid import P_MAX, P_MIN, Floats, Grid, logit
 from replay.cells import CellLayers, Rule
 
 P_WALL, P_SPACE = 0.2, 0.9  # the paper's proposal
@@ -63,6 +65,41 @@ def build_prior(
         values = np.where(layers.walls(rule), logit(wall), logit(space))
     values[layers.outside] = logit(used(p_outside, 1.0))
     return Grid(layers.geometry, values)
+
+
+def informative(
+    layers: CellLayers,
+    openings: Mapping[str, Floats],
+    *,
+    cell_rule: Rule = "any",
+    p_door: float | None = None,
+    p_window: float | None = None,
+    prior_scale: float = PRIOR_SCALE,
+    **prior: float,
+) -> Grid:
+    """The plan's prior, with the doors and windows that a drawing shows.
+
+    Args:
+        layers: what the plan says by cell.
+        openings: "door" and "window" -> share of each cell, or neither.
+        cell_rule: when a cell is wall.
+        p_door, p_window: P(empty), before the scale; None: as space, as wall.
+        prior_scale: multiplies all of them but p_outside.
+        prior: p_wall, p_space, p_outside.
+
+    Raises:
+        UsageError: a value that is not a probability.
+    """
+    grid = build_prior(layers, prior_scale=prior_scale, rule=cell_rule, **prior)
+    if openings:
+        shut = layers.walls(cell_rule)
+        for p, cells in (
+            (p_door, (openings["door"] > 0) & ~shut),
+            (p_window, openings["window"] > 0),
+        ):
+            if p is not None:
+                grid.values[cells] = logit(used(p, prior_scale))
+    return grid
 
 
 def no_prior(layers: CellLayers) -> Grid:

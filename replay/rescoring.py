@@ -16,10 +16,11 @@ from formats.result import Curve
 from formats.result_kept import Kept
 from replay.cells import CellLayers
 from replay.options import DEFAULTS, effective
+from replay.prior import informative
 from replay.rescoring_kernels import Ints, sums, tally
 from replay.scoring import count as score
 from replay.sensor import MODELS
-from replay.world import curves_of, informative
+from replay.world import curves_of
 
 PRIOR = ("p_wall", "p_space", "p_outside", "prior_scale", "p_door", "p_window")
 SENSOR = ("p_hit", "p_miss", "update")

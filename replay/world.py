@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -12,13 +11,13 @@ import numpy.typing as npt
 
 from formats.errors import FormatError, Notes
 from formats.frame import Pose
-from formats.grid import Geometry, Grid, Update, logit
+from formats.grid import Geometry, Grid, Update
 from formats.plan_edits import PlanEdits
 from formats.plan_file import Extent, Plan, overlap
 from formats.result import Curve
 from replay.cells import CellLayers, Rule, cell_layers, count_walls, truth_cells
 from replay.drawn import Openings, PlanMethod, taken_apart
-from replay.prior import PRIOR_SCALE, build_prior, no_prior, used
+from replay.prior import informative, no_prior
 from replay.sensor import MODELS
 
 Region = Literal["footprint", "image", "observed"]
@@ -131,41 +130,6 @@ def lattice(
             hint="give a coarser --resolution or a shorter --max-range",
         )
     return Geometry.covering(*box, resolution)
-
-
-def informative(
-    layers: CellLayers,
-    openings: Mapping[str, Floats],
-    *,
-    cell_rule: Rule = "any",
-    p_door: float | None = None,
-    p_window: float | None = None,
-    prior_scale: float = PRIOR_SCALE,
-    **prior: float,
-) -> Grid:
-    """The plan's prior, with the doors and windows that a drawing shows.
-
-    Args:
-        layers: what the plan says by cell.
-        openings: "door" and "window" -> share of each cell, or neither.
-        cell_rule: when a cell is wall.
-        p_door, p_window: P(empty), before the scale; None: as space, as wall.
-        prior_scale: multiplies all of them but p_outside.
-        prior: p_wall, p_space, p_outside.
-
-    Raises:
-        UsageError: a value that is not a probability.
-    """
-    grid = build_prior(layers, prior_scale=prior_scale, rule=cell_rule, **prior)
-    if openings:
-        shut = layers.walls(cell_rule)
-        for p, cells in (
-            (p_door, (openings["door"] > 0) & ~shut),
-            (p_window, openings["window"] > 0),
-        ):
-            if p is not None:
-                grid.values[cells] = logit(used(p, prior_scale))
-    return grid
 
 
 def curves_of(
