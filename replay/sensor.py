@@ -4,13 +4,12 @@ A beam is the sector of its width; gaps and overlaps of neighbours under a tenth
 de-skewing leaves them, are closed. `beam`: a cell is missed iff its centre lies in a sector, nearer
 than the range less a margin, and hit iff it contains an end point; hit beats miss. `eq10` and
 `eq15`: the same sectors seen by n x n sub-samples of a cell, with a hit band one cell deep, and
-the level is the empty share of the samples that were observed (PAPER A10, A33).
+the level is the empty share of the samples that were observed (PAPER A10, A33). What models there
+are and what their levels are worth is in `sensor_models`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from math import isfinite
 from typing import Literal, NamedTuple
 
@@ -18,10 +17,13 @@ import numpy as np
 import numpy.typing as npt
 
 from formats.frame import Pose, Scan
-from formats.grid import P_MAX, P_MIN, Counted, Geometry
+from formats.grid import Counted, Geometry
 from replay.sensor_fan import Shape, fan
-from replay.sensor_fill import read
+from replay.sensor_fill import by_truth, read
 from replay.sensor_kernels import Floats, Ints
+from replay.sensor_models import MODELS, Model
+
+__all__ = ["CLEAR", "HORIZON", "MODELS", "Model", "NoReturn", "Observer", "Touched"]
 
 NoReturn = Literal["near", "clear", "ignore"]
 
@@ -63,68 +65,6 @@ class Touched(NamedTuple):
         return self.shown()[1]
 
 
-@dataclass(frozen=True, slots=True)
-class Model:
-    """A sensor model.
-
-    Attributes:
-        about: what a reading shows, in one line.
-        p_hit, p_miss: defaults, P(occupied) of a hit and of a miss.
-        samples: along a cell's side.
-        banded: a hit is a band one cell deep behind the range, else the cell of the end point.
-        margin: cells before the hit that are not shown empty.
-        empty: P(empty) of an empty share, given p_hit and p_miss.
-    """
-
-    about: str
-    p_hit: float
-    p_miss: float
-    samples: int
-    banded: bool
-    margin: float
-    empty: Callable[[float, float, float], float]
-
-    @property
-    def levels(self) -> int:
-        """How many levels a reading has: level k shows a share k / (levels - 1) empty."""
-        return self.samples**2 + 1
-
-    def p_levels(self, p_hit: float | None = None, p_miss: float | None = None) -> list[float]:
-        """P(empty) of each level, rounded to 12 digits so that 0.9 * 5 / 9 is a tie.
-
-        No reading is certain: they are clamped to 0.001..0.999.
-
-        Args:
-            p_hit, p_miss: P(occupied) of a full hit and a full miss; None for the default.
-        """
-        hit = self.p_hit if p_hit is None else p_hit
-        miss = self.p_miss if p_miss is None else p_miss
-        shares = [k / (self.levels - 1) for k in range(self.levels)]
-        levels = [round(self.empty(share, hit, miss), 12) for share in shares]
-        return [min(max(p, P_MIN), P_MAX) for p in levels]
-
-
-def linear(share: float, p_hit: float, p_miss: float) -> float:
-    """Equation 15, its third case a mean of the two others (PAPER A9)."""
-    return (1.0 - p_hit) + (p_hit - p_miss) * share
-
-
-def proportional(share: float, p_hit: float, p_miss: float) -> float:
-    """Equation 10, 0.9 * share, clamped to what the sensor can say at most (PAPER A7)."""
-    return min(max((1.0 - p_miss) * share, 1.0 - p_hit), 1.0 - p_miss)
-
-
-MODELS: dict[str, Model] = {
-    "beam": Model("lidar: end points hit, sectors miss", 0.7, 0.4, 1, False, 0.5, linear),
-    "eq10": Model(
-        "the paper's Equation 10: 0.9 x empty share", 0.9, 0.1, 5, True, 0.0, proportional
-    ),
-    "eq15": Model(
-        "the paper's Equation 15: 0.1 + 0.8 x empty share", 0.9, 0.1, 5, True, 0.0, linear
-    ),
-}
-
-
 class Observer:
     """A model at work on one lattice, with its buffers; called once a reading.
 
@@ -137,6 +77,10 @@ class Observer:
         margin: cells before the hit that are not shown empty; None: the model's.
         min_observed: share of a cell's samples that makes a visit.
         shape: see `sensor_fan.fan`.
+        truth: (rows, cols) the level of each cell as it really is, for a model `of_truth`.
+
+    Raises:
+        ValueError: such a model without the truth, or levels of another shape.
     """
 
     def __init__(
@@ -149,7 +93,11 @@ class Observer:
         margin: float | None = None,
         min_observed: float = 0.5,
         shape: Shape = "sectors",
+        truth: npt.NDArray[np.integer] | None = None,
     ) -> None:
+        if model.of_truth and (truth is None or truth.shape != geometry.shape):
+            raise ValueError("this model shows the truth: it needs the level of every cell")
+        self.truth = np.ascontiguousarray(truth, np.int32).ravel() if model.of_truth else None
         self.geometry, self.model, self.shape = geometry, model, shape
         self.no_return = no_return
         self.max_range = HORIZON if max_range is None else min(max_range, HORIZON)
@@ -182,6 +130,8 @@ class Observer:
             if touched < 0:  # a row of the lattice met more borders than there was room for
                 self._room(self._events.shape[0], -2 * touched)
                 touched = self._read(place, limits, counts)
+        if self.truth is not None:
+            touched = by_truth(self.truth, counts, self._runs, touched)
         return Touched(self._runs[:touched])
 
     def limits(self, scan: Scan) -> Floats:
@@ -191,7 +141,8 @@ class Observer:
         nothing = min(greatest * AT_MOST, HORIZON)
         clear = min(CLEAR[self.no_return], greatest, self.max_range)
         band = self.geometry.resolution
-        return np.array([nearest, nothing, self.max_range, clear, self.margin, band])
+        shadow = min(greatest, self.max_range) if self.model.shadowed else 0.0
+        return np.array([nearest, nothing, self.max_range, clear, self.margin, band, shadow])
 
     def _read(self, place: tuple[float, float, float], limits: Floats, counts: Counted) -> int:
         return read(

@@ -188,6 +188,33 @@ def fill_shares(
 
 
 @njit
+def by_truth(truth: Ints, counts: Counted, runs: Ints, n: int) -> int:
+    """Count the cells of a reading at the level that they really have instead.
+
+    Args:
+        truth: (cells,) level of each.
+        counts: (levels, rows, columns), with the reading counted in.
+        runs: the reading's, no cell twice; one run a cell afterwards.
+        n: how many runs there are.
+
+    Returns:
+        how many there are now.
+    """
+    cells, total = counts.reshape(counts.shape[0], -1), 0
+    for k in range(n):
+        total += runs[k, 1] - runs[k, 0]
+    at = total
+    for k in range(n - 1, -1, -1):  # from the end, since one run becomes several
+        first, behind, level = runs[k, 0], runs[k, 1], runs[k, 2]
+        for cell in range(behind - 1, first - 1, -1):
+            at -= 1
+            cells[level, cell] -= 1
+            cells[truth[cell], cell] += 1
+            runs[at, 0], runs[at, 1], runs[at, 2] = cell, cell + 1, truth[cell]
+    return total
+
+
+@njit
 def read(
     corners: Floats,
     links: Ints,

@@ -38,14 +38,14 @@ def clean(ranges: Floats, limits: Floats, scale: float, depths: Floats) -> float
     Args:
         ranges: (n,) m.
         limits: m: nearest reading, first no-return, farthest hit, clear range of a no-return,
-            margin before the hit, depth of the hit band.
+            margin before the hit, depth of the hit band, where it ends at the earliest.
         scale: samples a metre.
         depths: (3, n) out, samples: free, front and back.
 
     Returns:
         the farthest of them all, in samples.
     """
-    nearest, nothing, farthest, clear, margin, band = limits
+    nearest, nothing, farthest, clear, margin, band, shadow = limits
     reach = 0.0
     for i in range(ranges.size):
         r = ranges[i]
@@ -59,7 +59,7 @@ def clean(ranges: Floats, limits: Floats, scale: float, depths: Floats) -> float
                 seen, hit = max(r - margin, 0.0), True
         depths[0, i] = seen * scale
         depths[1, i] = r * scale if hit else 0.0
-        depths[2, i] = (r + band) * scale if hit else 0.0
+        depths[2, i] = max(r + band, shadow) * scale if hit else 0.0
         reach = max(reach, depths[0, i], depths[2, i])
     return reach
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from decimal import Decimal, localcontext
 from fractions import Fraction
+from functools import partial
 from math import inf, isnan, pi, sin
 from typing import Any
 
@@ -157,6 +158,7 @@ def shares(
     min_observed: float = 0.5,
     shape: str = "sectors",
     slack: tuple[float, float] = (1e-9, 1e-7),
+    shadow: bool = False,
 ) -> Cells:
     """Level of each cell by the empty share of its observed sub-samples; see `beam`."""
     g, n = geometry, samples
@@ -168,7 +170,8 @@ def shares(
     points = Samples(x, y, pose, sectors(scan, shape), slack)
     free = [depth for depth, _ in said]
     start = [0.0 if r is None else r for _, r in said]
-    stop = [0.0 if r is None else r + g.resolution for _, r in said]
+    end = min(scan.max_range if scan.max_range > 0 else 1e4, max_range, 1e4) if shadow else 0.0
+    stop = [0.0 if r is None else max(r + g.resolution, end) for _, r in said]
     states = []
     for sign in (1.0, -1.0):
         empty = np.any([*points.nearer(free, sign), np.zeros(x.shape, bool)], axis=0)
@@ -193,8 +196,22 @@ def shares(
     return out
 
 
+def true_shares(*what: Any, truth: Cells, **options: Any) -> Cells:
+    """The cells that `shares` shows, at the level that they really have."""
+    seen = shares(*what, **options)
+    return np.where(seen >= 0, truth, seen)
+
+
 # Every entry of replay.sensor.MODELS has its oracle here.
-READINGS: dict[str, Callable[..., Any]] = {"beam": beam, "eq10": shares, "eq15": shares}
+READINGS: dict[str, Callable[..., Any]] = {
+    "beam": beam,
+    "eq10": shares,
+    "eq10-true": true_shares,
+    "eq15": shares,
+    "eq15-literal": partial(shares, shadow=True),
+    "eq15-share": shares,
+    "eq15-shadow": partial(shares, shadow=True),
+}
 
 
 def exact_f(counts: Counts, beta: int) -> Fraction:

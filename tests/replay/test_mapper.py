@@ -30,6 +30,13 @@ def frames(n: int, seed: int = 0) -> list[Frame]:
     return found
 
 
+def mapper_of(name: str) -> Mapper:
+    """A mapper of any model; what it may need to know of the truth is a chequered room."""
+    model = MODELS[name]
+    truth = np.arange(ROOM.rows * ROOM.cols).reshape(ROOM.shape) % model.levels
+    return Mapper(ROOM, name, **({"truth": truth} if model.of_truth else {}))
+
+
 def test_every_reading_counts_once_in_each_cell() -> None:
     mapper, [frame] = Mapper(ROOM), frames(1)
     for k in range(1, 4):
@@ -42,7 +49,7 @@ def test_every_reading_counts_once_in_each_cell() -> None:
 
 def test_touched_is_what_changed_in_every_model() -> None:
     for name in MODELS:
-        mapper = Mapper(ROOM, name)
+        mapper = mapper_of(name)
         for frame in frames(5):
             before = mapper.evidence.visits().ravel()
             touched = mapper.insert(frame)

@@ -11,12 +11,11 @@ from hypothesis import strategies as st
 
 from formats.grid import Evidence, Geometry, Grid, logit
 from formats.result import Counts, Curve, Split
-from replay.mapper import Mapper
 from replay.scoring import METRICS, Scorer, count, f2, f_beta, precision, recall
 from replay.scoring_kernels import FEW
 from replay.sensor import MODELS, Touched
 from tests import oracles
-from tests.replay.test_mapper import ROOM, frames
+from tests.replay.test_mapper import ROOM, frames, mapper_of
 
 Bools = npt.NDArray[np.bool_]
 tallies = st.builds(Counts, *[st.integers(0, 10**9)] * 4)
@@ -106,7 +105,7 @@ def test_scores_equal_a_full_recount_after_every_scan(
     name: str, p_wall: float, p_space: float
 ) -> None:
     wall, scored, informative = world(1, p_wall, p_space)
-    chosen, mapper = curves(name, informative), Mapper(ROOM, name)
+    chosen, mapper = curves(name, informative), mapper_of(name)
     scorer = Scorer(wall, scored, chosen)
     assert scorer.scores() == recount(chosen, mapper.evidence, wall, scored)
     for frame in frames(40 if name == "beam" else 12):

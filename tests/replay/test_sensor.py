@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from formats.frame import Floats, Pose, Scan
 from formats.grid import Evidence, Geometry
 from replay.sensor import MODELS, Model, Observer
+from replay.sensor_models import printed
 from tests import oracles
 
 Cells = npt.NDArray[np.int64]
@@ -32,10 +33,17 @@ def reading(geometry: Geometry, pose: Pose, scan: Scan, model: Model, **options:
     return out.reshape(geometry.shape)
 
 
+def truth_of(geometry: Geometry, model: Model) -> Cells:
+    """Some level of each cell."""
+    return np.random.default_rng(9).integers(0, model.levels, geometry.shape)
+
+
 def agree(name: str, geometry: Geometry, pose: Pose, scan: Scan, **options: Any) -> int:
     """Kernel and oracle, cell by cell; returns how many lay at a rounding border."""
     samples = {"samples": options.pop("samples")} if "samples" in options else {}
     model = dataclasses.replace(MODELS[name], **samples)
+    if model.of_truth:
+        options["truth"] = truth_of(geometry, model)
     found = reading(geometry, pose, scan, model, **options)
     expected = oracles.READINGS[name](geometry, pose, scan, **options, **samples)
     sure = expected != oracles.UNSURE
@@ -209,7 +217,7 @@ options = st.fixed_dictionaries(
 )
 
 
-@pytest.mark.parametrize("name", ["beam", "eq15"])
+@pytest.mark.parametrize("name", ["beam", "eq15", "eq15-literal"])
 @settings(deadline=None, max_examples=100)
 @given(st.lists(beams, min_size=1, max_size=12), lattices(), views, options)
 def test_any_beams_agree_with_the_oracle(
@@ -454,6 +462,38 @@ def test_equation_10_by_hand() -> None:
     assert MODELS["eq10"].p_levels()[25] == 0.9
 
 
+def test_equation_15_to_the_letter() -> None:
+    coarse = dataclasses.replace(MODELS["eq15-literal"], samples=3)
+    ninths = [round(k / 9, 12) for k in range(1, 9)]
+    assert coarse.p_levels() == [0.1, *ninths, 0.9]
+    assert coarse.p_levels(0.8, 0.2) == [0.2, *ninths, 0.8]  # 8 / 9 empty is emptier than empty
+
+
+def test_all_behind_a_hit_is_occupied_to_the_letter_of_equation_15() -> None:
+    g = Geometry(1, 12, 0.5, 0.0, 0.0)
+    scan = Scan(np.zeros(1), np.full(1, 0.5), np.array([2.0]), 0.1, 4.5)
+    coarse = dataclasses.replace(MODELS["eq15"], samples=1)
+    last = coarse.levels - 1
+    assert reading(g, Pose(0.0, 0.25, 0.0), scan, coarse)[0].tolist() == [last] * 4 + [0] + [-1] * 7
+    shadow = dataclasses.replace(MODELS["eq15-shadow"], samples=1)
+    found = reading(g, Pose(0.0, 0.25, 0.0), scan, shadow)[0].tolist()
+    assert found == [last] * 4 + [0] * 5 + [-1] * 3  # up to 4.5 m, the sensor's range
+    near = reading(g, Pose(0.0, 0.25, 0.0), scan, shadow, max_range=3.0)[0].tolist()
+    assert near == [last] * 4 + [0] * 2 + [-1] * 6
+
+
+def test_the_true_level_of_the_cells_that_are_seen() -> None:
+    model = dataclasses.replace(MODELS["eq10-true"], samples=1)
+    g, truth = Geometry(1, 6, 0.5, 0.0, 0.0), np.array([[1, 1, 0, 1, 1, 0]])
+    scan = Scan(np.zeros(1), np.full(1, 0.5), np.array([2.0]), 0.1, 4.5)
+    found = reading(g, Pose(0.0, 0.25, 0.0), scan, model, truth=truth)
+    assert found[0].tolist() == [1, 1, 0, 1, 1, -1]  # also what the beam went through or met
+    with pytest.raises(ValueError, match="needs the level of every cell"):
+        Observer(g, model)
+    with pytest.raises(ValueError, match="needs the level of every cell"):
+        Observer(g, model, truth=truth.T)
+
+
 @pytest.mark.parametrize("name", list(MODELS))
 def test_every_model_is_described_and_has_an_oracle(name: str) -> None:
     model = MODELS[name]
@@ -462,7 +502,7 @@ def test_every_model_is_described_and_has_an_oracle(name: str) -> None:
     assert name in oracles.READINGS
     levels = model.p_levels()
     assert len(levels) == model.levels
-    assert levels == sorted(levels)
+    assert (levels == sorted(levels)) == (model.empty is not printed)
     assert levels[0] == round(1 - model.p_hit, 12)
     assert levels[-1] == round(1 - model.p_miss, 12)
 
