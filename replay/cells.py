@@ -91,9 +91,11 @@ def cell_layers(
     return CellLayers(geometry, pixels, wall, known, footprint)
 
 
-def count_walls(plan: Plan, geometry: Geometry) -> npt.NDArray[np.float64]:
-    """Share of each cell that is wall, (rows, cols), where nothing else of the plan is asked."""
-    pixels, wall, _ = _joined(plan, geometry, plan.frame)
+def count_walls(
+    plan: Plan, geometry: Geometry, frame: Pose | None = None
+) -> npt.NDArray[np.float64]:
+    """Share of each cell that is wall, (rows, cols); the arguments as of `cell_layers`."""
+    pixels, wall, _ = _joined(plan, geometry, plan.frame if frame is None else frame)
     return wall / np.maximum(pixels, 1)
 
 

@@ -127,8 +127,13 @@ def run(
         )
         facts.warn(world, chosen, notes)
         to_map = chosen["plan_pose"] or Pose(0.0, 0.0, 0.0)
+        model = MODELS[chosen["sensor"]]
         mapper = Mapper(
-            world.geometry, chosen["sensor"], max_range=reach, no_return=chosen["no_return"]
+            world.geometry,
+            model,
+            max_range=reach,
+            no_return=chosen["no_return"],
+            truth=world.true_levels(model.levels) if model.of_truth else None,
         )
         said = facts.said(world, drive, notes)
         if posed.said:

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from formats.errors import FormatError, Notes
+from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Pose
 from formats.grid import Geometry, Grid, Update
 from formats.plan_edits import PlanEdits
@@ -73,6 +73,19 @@ class World:
         """What is worth looking at: the plan, else the truth, else the whole lattice; m."""
         ground = self.plan or self.truth
         return ground.extent if ground is not None else self.geometry.extent
+
+    def true_levels(self, levels: int) -> npt.NDArray[np.int32]:
+        """The empty share of each cell in truth, as one of so many levels (rows, cols).
+
+        Raises:
+            UsageError: there is no truth.
+        """
+        ground = self.plan or self.truth
+        if self.truth is None or ground is None:
+            problem = "this sensor model shows the truth, and there is none"
+            raise UsageError("", problem, hint="give --truth")
+        wall = count_walls(self.truth, self.geometry, ground.frame)
+        return np.rint((1.0 - wall) * (levels - 1)).astype(np.int32)
 
     def kept(self) -> dict[str, npt.NDArray[Any]]:
         """What re-scoring needs of each cell, by field of the result's CellLayers."""

@@ -18,6 +18,7 @@ from replay.cli.values import (
     CovarianceType,
     PoseType,
     SpanType,
+    TableOption,
     answer,
     ending,
     say,
@@ -119,7 +120,13 @@ METHODS = ["auto", "log", "amcl"]
     type=click.Choice(["any", "majority", "fraction"]),
     help="Which cells are wall: any wall pixel (default), most, or in proportion.",
 )
-@click.option("--sensor", metavar="NAME", help="Sensor model: beam (default), eq10, eq15.")
+@click.option(
+    "--sensor",
+    metavar="NAME",
+    cls=TableOption,
+    table="replay.sensor_models:MODELS",
+    help="Sensor model; beam by default:",
+)
 @click.option("--p-hit", type=PROBABILITY, help="P(OCCUPIED) of a hit; 0.7 for beam.")
 @click.option("--p-miss", type=PROBABILITY, help="P(OCCUPIED) of a miss; 0.4 for beam.")
 @click.option(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from importlib import import_module
 from typing import Any
 
 import click
@@ -70,6 +71,25 @@ class CovarianceType(click.ParamType[tuple[float, float, float]]):
         if not all(0.0 <= number < FARTHEST for number in (xx, yy, aa)):
             self.fail(f"{value!r} is not XX,YY,AA (variances: m², m², rad²)", param, ctx)
         return xx, yy, aa
+
+
+class TableOption(click.Option):
+    """An option whose values are the names of a table; the help lists them as they are.
+
+    Args:
+        table: "module:NAME", imported only when the help is asked for.
+    """
+
+    def __init__(self, *args: Any, table: str, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self.table = table
+
+    def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
+        """As click has it, with the names behind."""
+        record = super().get_help_record(ctx)
+        module, _, name = self.table.partition(":")
+        names = ", ".join(getattr(import_module(module), name))
+        return record and (record[0], f"{record[1]} {names}.")
 
 
 PROBABILITY = click.FloatRange(0.0, 1.0)

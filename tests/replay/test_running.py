@@ -221,3 +221,12 @@ def test_a_result_does_not_replace_the_values_it_was_made_with(tmp_path: Path) -
     write_prior_values(tmp_path / "out.replay.mcap", PriorValues(0.2, 0.9))
     with pytest.raises(FormatError, match="also an input"):
         sample(tmp_path, prior_values=tmp_path / "out.replay.mcap", force=True)
+
+
+def test_a_model_that_shows_the_truth_needs_one_and_makes_no_false_wall(tmp_path: Path) -> None:
+    true = sample(tmp_path, sensor="eq10-true", every=20).facts["observed"]["none"]
+    said = sample(tmp_path, sensor="eq10", every=20, force=True).facts["observed"]["none"]
+    assert true["precision"] == 1.0
+    assert true["recall"] > said["recall"]  # noise and grazing beams cost nothing
+    with pytest.raises(UsageError, match="this sensor model shows the truth, and there is none"):
+        run(SAMPLES / "turtlebot.mcap", output=tmp_path / "x.mcap", sensor="eq10-true", every=20)
