@@ -7,21 +7,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scripts.flat import cast, drive, real_boxes
+from scripts.flat import cast, drive
+from scripts.kinect import AHEAD, FAR, HEIGHT, PITCH, ROOM, SHIFT, boxes, sensor_xy
 from tests.depth_worlds import camera_at
 from tests.ros_logs import RosLog, seven
 
 Floats = npt.NDArray[np.float64]
-ROOM = 2.5  # m, from the floor to the ceiling
 COLUMNS, ROWS, FOCAL = 80, 60, 65.625  # a Kinect (640 x 480, 525 px), each 8th pixel
-FAR = 10.0
-MOUNT, HEIGHT, PITCH = 0.1, 0.6, np.radians(8.0)
-SHIFT = 0.02  # m: no wall of the flat lies on the border of a cell of 0.05 m
-
-
-def boxes() -> Floats:
-    """What stands there."""
-    return real_boxes() + SHIFT
 
 
 def poses(step: int = 25) -> tuple[Floats, Floats]:
@@ -30,18 +22,12 @@ def poses(step: int = 25) -> tuple[Floats, Floats]:
     return way.times[::step], way.poses[::step] + np.array([SHIFT, SHIFT, 0.0])
 
 
-def sensor_xy(pose: Floats) -> tuple[float, float]:
-    """The sensor sits ahead of the base."""
-    x, y, yaw = pose
-    return float(x + MOUNT * np.cos(yaw)), float(y + MOUNT * np.sin(yaw))
-
-
 def mount() -> tuple[float, ...]:
     """The optical frame on the base, as x y z and a quaternion."""
     from scipy.spatial.transform import Rotation
 
-    turn = Rotation.from_matrix(camera_at(HEIGHT, pitch=float(PITCH))[:3, :3])
-    return (MOUNT, 0.0, HEIGHT, *(float(number) for number in turn.as_quat()))
+    turn = Rotation.from_matrix(camera_at(HEIGHT, pitch=PITCH)[:3, :3])
+    return (AHEAD, 0.0, HEIGHT, *(float(number) for number in turn.as_quat()))
 
 
 def rays(columns: int = COLUMNS) -> Floats:
@@ -49,7 +35,7 @@ def rays(columns: int = COLUMNS) -> Floats:
     u, v = np.meshgrid(np.arange(columns), np.arange(ROWS))
     focal = FOCAL * columns / COLUMNS
     seen = [(u - (columns - 1) / 2) / focal, (v - (ROWS - 1) / 2) / FOCAL, np.ones(u.shape)]
-    found: Floats = np.stack(seen, axis=-1) @ camera_at(HEIGHT, pitch=float(PITCH))[:3, :3].T
+    found: Floats = np.stack(seen, axis=-1) @ camera_at(HEIGHT, pitch=PITCH)[:3, :3].T
     return found
 
 
@@ -73,7 +59,7 @@ def drive_of(kind: str, step: int = 25, columns: int = COLUMNS) -> RosLog:
     frame = "camera_depth_optical_frame"
     log = RosLog()
     log.static("base_footprint", frame, mount())
-    log.static("base_footprint", "laser", (MOUNT, 0.0, HEIGHT, *seven((0, 0, 0))[3:]))
+    log.static("base_footprint", "laser", (AHEAD, 0.0, HEIGHT, *seven((0, 0, 0))[3:]))
     wide = half_view(columns)
     angles = np.linspace(-wide, wide, columns)
     for t, pose in zip(*poses(step), strict=True):

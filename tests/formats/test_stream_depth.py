@@ -15,16 +15,16 @@ from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Frame, Pose
 from formats.result_file import read_result
 from formats.stream import frames, survey
-from replay import run
 from replay.cli import _exit_code as main
 from scripts.flat import cast
+from scripts.kinect import CELL, Cells, boxes, f2, sensor_xy
+from scripts.kinect import mapped as map_of
 from tests.depth_worlds import as_image
 from tests.drives import points
 from tests.flat_sensors import (
     COLUMNS,
     FOCAL,
     ROWS,
-    boxes,
     camera_info,
     depth,
     drive_of,
@@ -32,44 +32,19 @@ from tests.flat_sensors import (
     mount,
     picture,
     poses,
-    sensor_xy,
 )
 from tests.ros_logs import RosLog
 
-CELL = 0.05
 TOPIC = "/camera/depth/image_raw"
 FRAME = "camera_depth_optical_frame"
-Cells = set[tuple[int, int]]
 
 
 # ---------------------------------------------------------------------------- the maps of a drive
 
 
 def mapped(log: RosLog, folder: Path, name: str) -> tuple[Cells, Cells]:
-    """Cells that are occupied, and cells that were seen, by their numbers on the plane."""
-    path = log.write(folder / f"{name}.mcap")
-    run(path, output=folder / f"{name}.replay.mcap", say=lambda _: None)
-    found = read_result(folder / f"{name}.replay.mcap")
-    g, evidence = found.geometry, found.evidence()
-    seen = evidence.counts.any(axis=0)
-    occupied = seen & found.curves["none"].of(evidence).occupied()
-    row, col = round(g.y / CELL), round(g.x / CELL)
-    as_set = [{(r + row, c + col) for r, c in np.argwhere(m).tolist()} for m in (occupied, seen)]
-    return as_set[0], as_set[1]
-
-
-def grown(cells: Cells, by: int) -> Cells:
-    around = range(-by, by + 1)
-    return {(r + i, c + j) for r, c in cells for i in around for j in around}
-
-
-def f2(truth: tuple[Cells, Cells], other: tuple[Cells, Cells], by: int) -> float:
-    """F2 of one map's walls where the other's are the truth, in cells that both have seen."""
-    both = truth[1] & other[1]
-    wanted, found = truth[0] & both, other[0] & both
-    precision = len(found & grown(wanted, by)) / len(found)
-    recall = len(wanted & grown(found, by)) / len(wanted)
-    return 5 * precision * recall / (4 * precision + recall)
+    """Cells that are occupied, and cells that were seen, of a log that is written and mapped."""
+    return map_of(log.write(folder / f"{name}.mcap"), folder / f"{name}.replay.mcap")
 
 
 def far_share(columns: int) -> float:
