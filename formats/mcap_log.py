@@ -85,6 +85,7 @@ class McapLog:
             self.close()
             raise FormatError(path, "holds no records; its recording ended at once")
         self._tables = topics_of(path, notes, self._contents.parts)
+        self._known = [_mask(table) for table in self._tables]
         # Blocks that have not been opened yet: their losses are not in the notes.
         self._unseen = {block.at for block in self._contents.blocks} if indexed else set()
 
@@ -128,7 +129,7 @@ class McapLog:
             self._unseen.remove(block.at)
             part = self._contents.parts[block.part]
             lost = note_chunk(self.path, self._data, self._notes, part, block, chunk, found, walked)
-            known = _mask(self._tables[block.part])[found["channel"]]
+            known = self._known[block.part][found["channel"]]
             if not known.all():
                 count, place = int((~known).sum()), f"byte {block.at}"
                 self._notes.lose(self.path, UNDEFINED, at=place, count=count)

@@ -13,7 +13,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from formats.messages import LaserScan, PoseMessage, Transform, Transforms
+from formats.messages import Image, LaserScan, PoseMessage, Transform, Transforms
 from formats.ros_wire import SECOND, Body, Payload, Wire
 
 Read = Callable[[Payload], Any]
@@ -182,12 +182,37 @@ def transforms(
     return read
 
 
+def images(wire: Wire, data: Payload, noun: Image, other: Read) -> Read:
+    """sensor_msgs/Image."""
+    found = Layout(wire, data)
+    found.header()
+    found.body.read("2I")
+    found.body.text()
+    found.body.read("B")
+    found.body.read("2I")  # step, bytes of pixels
+    found.add(found.body.at, "")
+    unpack, at = found.unpack, found.at
+    start, _, _, shape = unpack(data)
+    _, *fields, pixels = noun
+    size = len(pixels)
+
+    def read(data: Payload) -> Image:
+        one, sec, nanosec, two = unpack(data)
+        if two != shape or one != start or nanosec >= SECOND:
+            return cast("Image", other(data))
+        seen = np.frombuffer(data, np.uint8, size, at)
+        return new(Image, (sec * SECOND + nanosec, *fields, seen))
+
+    return read
+
+
 Learn = Callable[[Wire, Payload, Any, Read], Read]
 LEARNERS: dict[str, Learn] = {
     "geometry_msgs/msg/PoseStamped": poses,
     "geometry_msgs/msg/PoseWithCovarianceStamped": poses,
     "geometry_msgs/msg/TransformStamped": partial(transforms, one=True),
     "nav_msgs/msg/Odometry": partial(poses, named=True),
+    "sensor_msgs/msg/Image": images,
     "sensor_msgs/msg/LaserScan": laser_scans,
     "tf/msg/tfMessage": transforms,
     "tf2_msgs/msg/TFMessage": transforms,

@@ -11,11 +11,9 @@ from __future__ import annotations
 
 import argparse
 import tempfile
-import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from statistics import median
 
 import numpy as np
 from mcap.reader import make_reader
@@ -27,6 +25,8 @@ from rosbags.typesys import Stores, get_typestore
 from formats import mcap_log, ros
 from formats.errors import Notes
 from formats.scanning import scanner
+from scripts import bench_depth
+from scripts.timing import medians
 
 BEAMS = 1081
 TYPE = "sensor_msgs/msg/LaserScan"
@@ -142,18 +142,6 @@ JOBS: dict[str, Callable[[Path], None]] = {
 }
 
 
-def medians(jobs: dict[str, Callable[[Path], None]], path: Path, rounds: int) -> dict[str, float]:
-    """Median seconds of each job; the jobs take turns, so that a busy spell hits all alike."""
-    times: dict[str, list[float]] = {name: [] for name in jobs}
-    for number in range(rounds + 1):
-        for name, job in jobs.items():
-            begin = time.perf_counter()
-            job(path)
-            if number:  # the first round warms up
-                times[name].append(time.perf_counter() - begin)
-    return {name: median(found) for name, found in times.items()}
-
-
 def ratio(results: dict[str, dict[str, float]], one: str, other: str, compression: str) -> float:
     """How many times as long one job takes as another."""
     return results[one][compression] / results[other][compression]
@@ -187,7 +175,7 @@ def main(argv: list[str] | None = None) -> int:
         ("mcap-ros2-support / ours", ratio(results, SUPPORT, OURS, "none"), "at least 100"),
     ):
         print(f"{what:36}{share:8.2f}   aim: {aim}")
-    return 0
+    return bench_depth.main([])
 
 
 if __name__ == "__main__":
