@@ -12,8 +12,9 @@ PUBLIC = {
     "export": "replay.exporting",
     "plan": "replay.planning",
     "deviation": "replay.deviating",
+    "rescore": "replay.archive.rescored",
 }
-__all__ = ["deviation", "export", "plan", "run", "steps"]
+__all__ = ["deviation", "export", "plan", "rescore", "run", "steps"]
 
 
 def __getattr__(name: str) -> Any:

@@ -19,6 +19,7 @@ VERBS = {
     "plan": "Find walls, doors and outline in a drawing.",
     "align": "Find where a plan lies under a log or a map.",
     "deviation": "Say which walls of the plan stand, moved, or are not there.",
+    "rescore": "Score results under other priors, without their logs.",
     "export": "Write maps, poses and scores of a result in the formats of others.",
 }
 

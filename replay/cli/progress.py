@@ -10,7 +10,7 @@ Progress = Callable[[int, int], None]
 
 
 @contextmanager
-def bar(*, quiet: bool) -> Iterator[Progress | None]:
+def bar(*, quiet: bool, what: str = "map", unit: str = "scans") -> Iterator[Progress | None]:
     """A callable that takes (done, all), or None where there is no terminal."""
     if quiet or not sys.stderr.isatty():
         yield None
@@ -19,7 +19,7 @@ def bar(*, quiet: bool) -> Iterator[Progress | None]:
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar
 
-    columns = (TextColumn("map    "), BarColumn(), MofNCompleteColumn(), TextColumn("scans"))
+    columns = (TextColumn(f"{what:<7}"), BarColumn(), MofNCompleteColumn(), TextColumn(unit))
     with Bar(*columns, TimeElapsedColumn(), console=Console(stderr=True), transient=True) as shown:
-        task = shown.add_task("map", total=None)
+        task = shown.add_task(what, total=None)
         yield lambda done, total: shown.update(task, completed=done, total=total)

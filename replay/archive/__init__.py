@@ -1,0 +1,1 @@
+"""Many logs and their results: batch, rescore, compare."""
