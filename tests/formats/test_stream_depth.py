@@ -153,7 +153,7 @@ def test_a_sensor_pose_is_the_floor_of_its_camera() -> None:
     assert np.isfinite(found.scan.ranges).any()
 
 
-# ---------------------------------------------------------------------------- rows 60 to 64
+# ---------------------------------------------------------------------------- frame by frame
 
 
 def test_mono16_is_depth_with_a_warning_and_colour_is_none() -> None:
