@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field, replace
 
 from formats.clock import Clock
@@ -119,7 +120,7 @@ def scan_topics(log: Log, wish: str = "") -> list[Topic]:
         colour = colour or why
     if not any(t.count != 0 for t in topics):
         raise FormatError(log.path, "no messages")
-    kinds = ", ".join(dict.fromkeys(name.rsplit("/", 1)[-1] for name in SENSORS))
+    kinds = ", ".join(dict.fromkeys(re.split("[/.]", name)[-1] for name in SENSORS))
     hint = colour or "record a topic of one of these types"
     raise FormatError(log.path, f"no scans: looked for {kinds}; found {listing(topics)}", hint=hint)
 

@@ -10,16 +10,27 @@ from formats.log import Container, Log, Message, Topic
 
 
 class Unpacked:
-    """A log over a temporary copy, which goes when it is closed; `size`: of what was copied."""
+    """A log over a temporary copy, which goes when it is closed.
 
-    def __init__(self, log: Log, discard: Callable[[], None], size: int) -> None:
-        self._log, self._discard, self._size = log, discard, size
+    Args:
+        log: in the copy.
+        discard: what removes it.
+        size: bytes of what was copied.
+        packed: how that was compressed, "" for not.
+    """
+
+    def __init__(self, log: Log, discard: Callable[[], None], size: int, packed: str) -> None:
+        self._log, self._discard, self._size, self._packed = log, discard, size, packed
         self.path = log.path
 
     @property
     def container(self) -> Container:
-        """Of the log inside, with the size of what was copied."""
-        return replace(self._log.container, size=self._size)
+        """Of the log inside, with the size and compression of what was copied."""
+        found = self._log.container
+        if not self._packed:
+            return replace(found, size=self._size)
+        inner = "" if found.compression == "none" else f"{found.compression} in "
+        return replace(found, size=self._size, compression=inner + self._packed)
 
     def topics(self) -> list[Topic]:
         """Every topic."""

@@ -74,7 +74,7 @@ def open_log(
     try:
         for path, head in zip(files, heads, strict=True):
             if path == STDIN:
-                logs.append(_open_copy(copied(), STDIN, notes, max_chunk, packed=False))
+                logs.append(_open_copy(copied(), STDIN, notes, max_chunk))
             elif path in kept:
                 kept.remove(path)
                 logs.append(_open_one(path, head, notes, max_chunk))
@@ -130,29 +130,29 @@ def _head(path: Path) -> bytes:
 
 
 def _open_one(path: Path, head: bytes, notes: Notes, max_chunk: int) -> Log:
-    if wrapper(head):
-        return _open_wrapped(path, notes, max_chunk)
+    if kind := wrapper(head):
+        return _open_wrapped(path, kind, notes, max_chunk)
     module = reader_of(path, head)
     if module is None:
         raise what_it_is(path, head)
     return cast("Log", module.open_file(path, notes, max_chunk))
 
 
-def _open_wrapped(path: Path, notes: Notes, max_chunk: int) -> Log:
+def _open_wrapped(path: Path, kind: str, notes: Notes, max_chunk: int) -> Log:
     """A log inside .zst, .gz, .bz2 or .lz4: unpacked to a temporary file that closes with it."""
-    return _open_copy(open_stream(path, notes), path, notes, max_chunk, packed=True)
+    return _open_copy(open_stream(path, notes), path, notes, max_chunk, kind)
 
 
-def _open_copy(file: IO[bytes], path: Path, notes: Notes, max_chunk: int, *, packed: bool) -> Log:
-    """The log in a temporary copy of `path`; what it says, it says of `path`."""
+def _open_copy(file: IO[bytes], path: Path, notes: Notes, max_chunk: int, packed: str = "") -> Log:
+    """The log in a temporary copy of a `packed` path; what it says, it says of that path."""
     inner = Path(str(file.name))
     renamed = _Renamed(notes, inner, path)
     try:
         size = path.stat().st_size if packed else inner.stat().st_size
         head = file.read(HEAD)
         module = reader_of(inner, head)
-        if not packed and wrapper(head):
-            log = _open_wrapped(inner, renamed, max_chunk)
+        if not packed and (kind := wrapper(head)):
+            log = _open_wrapped(inner, kind, renamed, max_chunk)
         elif module is None:
             raise what_it_is(inner, head)
         else:
@@ -165,7 +165,7 @@ def _open_copy(file: IO[bytes], path: Path, notes: Notes, max_chunk: int, *, pac
         file.close()
         raise
     log.path = path
-    return Unpacked(log, file.close, size)
+    return Unpacked(log, file.close, size, packed)
 
 
 class _Renamed(Notes):

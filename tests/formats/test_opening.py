@@ -128,3 +128,14 @@ def test_paths_that_lead_nowhere(tmp_path: Path) -> None:
 def test_every_reader_is_there_and_tested() -> None:
     # Each stands in KINDS above, CARMEN in test_carmen.py.
     assert set(READERS) == {"ROS 1 bag", "MCAP", "rosbag2", "CARMEN"}
+
+
+def test_the_compression_of_a_wrapped_log_is_told(tmp_path: Path) -> None:
+    for name, inner in (("a.bag", ""), ("a.mcap", "zstd in ")):
+        path = drive().write(tmp_path / name)
+        wrapped = tmp_path / f"{name}.gz"
+        wrapped.write_bytes(gzip.compress(path.read_bytes()))
+        log = open_log(wrapped, Notes())
+        assert log.container.compression == f"{inner}gzip"
+        assert log.container.size == wrapped.stat().st_size
+        log.close()
