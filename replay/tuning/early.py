@@ -1,0 +1,97 @@
+"""Time-critical use: how good a prior is while the building is being explored."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from formats.grid import Evidence
+from formats.result_file import RunFile
+from replay.tuning.cases import Floats, Ground
+from replay.tuning.surfaces import Tables, Values
+
+
+class Course(NamedTuple):
+    """A run as it went on.
+
+    Attributes:
+        explored: (n,) share of the scored cells that some reading had shown, ascending from 0.
+        tables: (n,) the scores of every prior at that moment; the first without a reading.
+        times: (n,) s since the run's start.
+    """
+
+    explored: Floats
+    tables: list[Tables]
+    times: Floats
+
+    @property
+    def weights(self) -> Floats:
+        """(n,) of the trapezoids over the explored share; they add up to 1."""
+        steps = np.diff(self.explored)
+        out = np.zeros(len(self.explored))
+        out[:-1] += steps / 2
+        out[1:] += steps / 2
+        if out.sum() <= 0.0:  # nothing was explored: only the last moment counts
+            out[-1] = 1.0
+        return np.asarray(out / out.sum())
+
+    def surface(self, p: Floats) -> Floats:
+        """Mean F2 over the explored share, for all pairs of p, (len(p), len(p))."""
+        out = np.zeros((len(p), len(p)))
+        for weight, tables in zip(self.weights.tolist(), self.tables, strict=True):
+            if weight > 0.0:
+                out += weight * tables.surface(p, p).f2
+        return out
+
+    def f2(self, p_wall: npt.ArrayLike, p_space: npt.ArrayLike) -> Floats:
+        """(moments, n) F2 of single priors, both (n,)."""
+        return np.array([tables.at(p_wall, p_space).f2 for tables in self.tables])
+
+    def mean(self, p_wall: npt.ArrayLike, p_space: npt.ArrayLike) -> Floats:
+        """(n,) mean F2 of single priors over the explored share."""
+        return np.asarray(self.weights @ self.f2(p_wall, p_space))
+
+    def without_prior(self) -> Floats:
+        """(moments,) F2 of 0.5 everywhere."""
+        return np.array([float(tables.without_prior().f2) for tables in self.tables])
+
+
+def course(
+    ground: Ground, values: Values, moments: Iterable[tuple[float, Evidence]], levels: int
+) -> Course:
+    """The tables of every moment.
+
+    Args:
+        ground: what does not change.
+        values: what holds beside p_wall and p_space.
+        moments: s since the start, and the evidence so far; ascending.
+        levels: of a reading.
+    """
+    explored, tables, times = [0.0], [], [0.0]
+    every = max(len(ground.where), 1)
+    first = True
+    for time, evidence in moments:
+        if first:
+            nothing = Evidence.empty(evidence.geometry, levels)
+            tables.append(Tables(ground.case(nothing), values))
+            first = False
+        seen = evidence.counts.reshape(levels, -1)[:, ground.where].any(axis=0)
+        explored.append(np.count_nonzero(seen) / every)
+        tables.append(Tables(ground.case(evidence), values))
+        times.append(time)
+    return Course(np.array(explored), tables, np.array(times))
+
+
+def course_of(run: RunFile, ground: Ground, values: Values) -> Course:
+    """A result's keyframes as a course."""
+    start = int(run.times_ns[0])
+    moments = (((time - start) / 1e9, evidence) for _, time, evidence in run.keyframes())
+    return course(ground, values, moments, run.levels)
+
+
+def mean_surface(courses: Sequence[Course], p: Floats) -> Floats:
+    """The mean of several runs' surfaces."""
+    return np.asarray(np.mean([one.surface(p) for one in courses], axis=0))
