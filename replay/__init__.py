@@ -13,8 +13,9 @@ PUBLIC = {
     "plan": "replay.planning",
     "deviation": "replay.deviating",
     "rescore": "replay.archive.rescored",
+    "tune": "replay.tuning.finding",
 }
-__all__ = ["deviation", "export", "plan", "rescore", "run", "steps"]
+__all__ = ["deviation", "export", "plan", "rescore", "run", "steps", "tune"]
 
 
 def __getattr__(name: str) -> Any:

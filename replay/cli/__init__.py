@@ -20,6 +20,7 @@ VERBS = {
     "align": "Find where a plan lies under a log or a map.",
     "deviation": "Say which walls of the plan stand, moved, or are not there.",
     "rescore": "Score results under other priors, without their logs.",
+    "tune": "Find the prior's values that suit results, or a plan, best.",
     "export": "Write maps, poses and scores of a result in the formats of others.",
 }
 

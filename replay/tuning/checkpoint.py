@@ -25,7 +25,7 @@ ARRAYS = ("x", "f", "rank", "crowding")
 
 
 def fingerprint(objective: Objective, search: Search) -> str:
-    """What a checkpoint must have been made for: the settings, and the objectives at some places."""
+    """What a checkpoint is for: the settings, and the objectives at some places."""
     p = np.linspace(0.1, 1.0, PROBES)
     places = np.concatenate([np.column_stack([p, p]), np.column_stack([p, p[::-1]])])
     said = {name: v for name, v in asdict(search).items() if name != "generations"}
@@ -70,7 +70,7 @@ def load(path: AnyPath, mark: str) -> State:
         UsageError: it was made for other data or other settings.
     """
     try:
-        with np.load(Path(path), allow_pickle=False) as file:
+        with Path(path).open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             arrays = {name: file[name] for name in (*ARRAYS, "said", "evaluated", "values")}
         said = json.loads(arrays.pop("said").tobytes())
         if said["format"] != FORMAT:
@@ -89,7 +89,15 @@ def load(path: AnyPath, mark: str) -> State:
         np.random.default_rng(0).bit_generator.state = state.random
     except OSError as error:
         raise FormatError(path, f"cannot be read: {error.strerror or error}") from None
-    except (ValueError, KeyError, TypeError, EOFError, RecursionError, BadZipFile) as error:
+    except (
+        ValueError,
+        KeyError,
+        TypeError,
+        EOFError,
+        AttributeError,
+        RecursionError,
+        BadZipFile,
+    ) as error:
         raise FormatError(path, f"is no checkpoint of a search ({type(error).__name__})") from None
     if said["mark"] != mark:
         raise UsageError(

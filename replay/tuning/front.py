@@ -117,8 +117,8 @@ def sums(
 def joined(a: Pieces, b: Pieces) -> Pieces:
     """Unbeaten choices for two groups of cells together."""
     best = np.full((int(a.tp[-1] + b.tp[-1]) + 1, 3), -1, dtype=np.int64)
-    widths = [(part.spans[:, :, 2] - part.spans[:, :, 0]).prod(axis=1) for part in (a, b)]
-    sums(a.tp, a.fp, b.tp, b.fp, *widths, best)
+    wide, high = ((part.spans[:, :, 2] - part.spans[:, :, 0]).prod(axis=1) for part in (a, b))
+    sums(a.tp, a.fp, b.tp, b.fp, wide, high, best)
     tp = np.flatnonzero(best[:, 0] >= 0)
     fp, i, j = best[tp].T
     return unbeaten(tp, fp, np.concatenate([a.spans[i], b.spans[j]], axis=1))

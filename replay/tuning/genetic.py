@@ -336,9 +336,6 @@ def _children_of_gamultiobj(
     length = state.step * random.random(size - crossed)
     span = np.asarray(problem.xu - problem.xl)
     mutants = c + (length[:, None] * np.column_stack([np.cos(turns), np.sin(turns)])) * span
-    # A step across a bound comes back from it.
-    mutants = np.where(mutants < problem.xl, 2 * problem.xl - mutants, mutants)
-    mutants = np.where(mutants > problem.xu, 2 * problem.xu - mutants, mutants)
     return np.concatenate([crossover, mutants])
 
 

@@ -1,0 +1,73 @@
+"""Look-up in the sorted tables gives what drawing and counting the map gives."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from formats.grid import Update
+from replay.tuning.flips import last_empty
+from replay.tuning.surfaces import Tables, Values, grid
+from tests.tuning_worlds import seeds, sensors, slow_counts, updates, world
+
+
+@settings(max_examples=40, deadline=None)
+@given(seeds, updates, sensors, st.sampled_from([0.9, 1.0]), st.sampled_from([0.3, 0.5, 0.7]))
+def test_every_prior_scores_as_its_map_does(
+    seed: int, update: Update, levels: tuple[float, float], scale: float, outside: float
+) -> None:
+    ground, evidence = world(seed)
+    values = Values(levels, update, scale, p_outside=outside)
+    tables = Tables(ground.case(evidence), values)
+    p = [0.1, 0.2, 0.3, 0.5, 5 / 9, 0.6, 2 / 3, 0.7, 7 / 9, 0.9, 1.0]  # some of them tie
+    scores = tables.surface(p, p)
+    for i, p_wall in enumerate(p):
+        for j, p_space in enumerate(p):
+            counts = slow_counts(ground, evidence, values, p_wall, p_space)
+            assert (scores.tp[i, j], scores.fp[i, j]) == counts[:2]
+            assert scores.walls == counts.tp + counts.fn
+
+
+def test_single_pairs_are_the_surface() -> None:
+    ground, evidence = world(5)
+    tables = Tables(ground.case(evidence), Values((0.3, 0.6)))
+    p = grid(10)
+    surface = tables.surface(p, p)
+    wall, space = np.meshgrid(p, p, indexing="ij")
+    single = tables.at(wall.ravel(), space.ravel())
+    assert np.array_equal(single.tp, surface.tp.ravel())
+    assert np.array_equal(single.fp, surface.fp.ravel())
+
+
+@given(st.lists(st.tuples(st.floats(-1e4, 1e4), st.integers(1, 10**6)), min_size=1, max_size=20))
+def test_the_last_empty_l0_is_the_last_by_one_rounding(pairs: list[tuple[float, int]]) -> None:
+    total = np.array([a for a, _ in pairs])
+    times = np.array([float(b) for _, b in pairs])
+    found = last_empty(total, times)
+    assert not (times * found > total).any()
+    assert (times * np.nextafter(found, np.inf) > total).all()
+    for (a, b), l0 in zip(pairs, found.tolist(), strict=True):  # near the true quotient
+        assert abs(Fraction(l0) - Fraction(a) / b) <= Fraction(1, 10**9) * (1 + abs(Fraction(a)))
+
+
+def test_without_a_prior_every_class_is_at_one_half() -> None:
+    ground, evidence = world(11)
+    values = Values((0.3, 0.6), prior_scale=1.0)
+    tables = Tables(ground.case(evidence), values)
+    counts = slow_counts(ground, evidence, values, 0.5, 0.5)
+    none = tables.without_prior()
+    assert (int(none.tp), int(none.fp)) == counts[:2]
+
+
+def test_rates_of_scores_by_hand() -> None:
+    from replay.tuning.surfaces import Scores
+
+    scores = Scores(np.array([0, 6, 8]), np.array([0, 2, 8]), 10)
+    assert scores.precision.tolist() == [0.0, 0.75, 0.5]
+    assert scores.recall.tolist() == [0.0, 0.6, 0.8]
+    # 5 * .75 * .6 / (4 * .75 + .6) = 2.25 / 3.6; 5 * .5 * .8 / (4 * .5 + .8) = 2 / 2.8
+    assert np.allclose(scores.f2, [0.0, 0.625, 2 / 2.8], rtol=1e-15)
+    assert scores.objectives()[0].tolist() == [np.inf, np.inf]
