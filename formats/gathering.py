@@ -191,6 +191,7 @@ def gather(
     scans: Collection[Topic],
     poses: Collection[Topic],
     cameras: Collection[Topic] = (),
+    others: Collection[Topic] = (),
 ) -> Gathered:
     """Read transforms, poses and the times of scans in one pass.
 
@@ -200,10 +201,12 @@ def gather(
         scans: topics of a type in SENSORS.
         poses: topics of a type in POSE_TYPES.
         cameras: topics of a type in CAMERA_TYPES.
+        others: topics with transforms that are left out.
     """
     path = log.path
     tree = Tree(path, notes)
-    trees = [t for t in log.topics() if t.type in TF_TYPES and decoder_of(t) is not None]
+    known = [t for t in log.topics() if t.type in TF_TYPES and decoder_of(t) is not None]
+    trees = [topic for topic in known if topic not in others]
     made = Gathered(
         log,
         notes,

@@ -113,7 +113,7 @@ def sift(
         notes.warn(path, "scan out of order (sorted)", topic=name, count=late)
     tell_gaps(np.sort(times_ns[keep]), notes, path, name, zero_ns)
     frames = [scans.names[index] for index in np.unique(scans.frame[keep])]
-    if len(frames) > 1:
+    if len(frames) > 1 and not scans.topic.type.endswith("/Range"):  # a ring has many
         others = int((scans.frame[keep] != scans.frame[keep][0]).sum())
         problem = f"another frame than the first scan: {', '.join(frames)}"
         notes.warn(path, problem, topic=name, count=others)

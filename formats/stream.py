@@ -37,6 +37,8 @@ from formats.frame import Frame, Pose
 from formats.gathering import Gathered, ScanTimes, gather
 from formats.log import Log, Topic
 from formats.opening import READERS, open_log
+from formats.ring import ringed
+from formats.robots import of_others
 from formats.sensing import SENSORS
 from formats.sensor import Look
 from formats.sifting import plausible_sweeps, sift, tell_aim, tell_attitude, tell_clock
@@ -119,10 +121,14 @@ def survey(log: Log, notes: Notes, **options: Unpack[Options]) -> Drive:
     )
     look, camera_info = _look(log, options), options.get("camera_info") or ""
     topics = scan_topics(log, wishes.scan)
+    if not wishes.scan:
+        log, topics = ringed(log, topics, notes)
+    others = of_others(log, topics, notes)
     pictures = [topic for topic in topics if SENSORS[topic.type].forward == 2]
     cameras = {topic: info_topic(log, topic, camera_info) for topic in pictures}
     infos = {topic for topic in cameras.values() if topic is not None}
-    gathered = gather(log, notes, topics, pose_topics(log, wishes.pose), infos)
+    posed = [t for t in pose_topics(log, wishes.pose) if wishes.pose or t not in others]
+    gathered = gather(log, notes, topics, posed, infos, others)
     scans, clock, way, reason = _chosen(gathered, wishes)
     if way is None:
         raise no_poses(gathered, scans.topic, wishes)

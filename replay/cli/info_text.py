@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from datetime import UTC, datetime
+from fnmatch import fnmatchcase
 
 from formats.errors import printable
 from replay.checks import Check
@@ -82,7 +83,7 @@ def _topics(found: Inspection) -> list[str]:
 
 def _mark(found: Inspection, tally: Tally) -> str:
     marks = []
-    if tally.topic.name == found.scan and "frame" in (tally.facts or {}):
+    if fnmatchcase(tally.topic.name, found.scan) and "frame" in (tally.facts or {}):
         marks.append("scans")
     if tally.topic.name == found.pose or (found.pose == "tf" and tally.edges):
         marks.append("poses")
