@@ -12,10 +12,11 @@ PUBLIC = {
     "export": "replay.exporting",
     "plan": "replay.planning",
     "deviation": "replay.deviating",
+    "batch": "replay.archive.batching",
     "rescore": "replay.archive.rescored",
     "tune": "replay.tuning.finding",
 }
-__all__ = ["deviation", "export", "plan", "rescore", "run", "steps", "tune"]
+__all__ = ["batch", "deviation", "export", "plan", "rescore", "run", "steps", "tune"]
 
 
 def __getattr__(name: str) -> Any:

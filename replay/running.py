@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from math import inf
@@ -47,6 +47,7 @@ def run(
     connect: str | None = None,
     align: Source | None = None,
     prior_values: Source | None = None,
+    archive: Mapping[str, Any] | None = None,
     notes: Notes | None = None,
     progress: Callable[[int, int], None] | None = None,
     say: Callable[[str], object] = print,
@@ -65,6 +66,7 @@ def run(
         align: a placement that `replay align` wrote; without one, and without a place of its own,
             the plan is laid under the log here.
         prior_values: values of the prior that `replay tune` wrote; options go before them.
+        archive: what a batch notes of this run in its result.
         notes: gets what was odd, skipped or lost.
         progress: is told (done, expected) scans.
         say: is told when the viewer is gone.
@@ -139,6 +141,8 @@ def run(
         if posed.said:
             said = {**said, "poses": [posed.said]}
         origin = {"said": said, **facts.origin(world, drive, log), **posed.facts}
+        if archive:
+            origin["archive"] = dict(archive)
         writer = ResultWriter(
             out,
             geometry=world.geometry,

@@ -19,6 +19,7 @@ VERBS = {
     "plan": "Find walls, doors and outline in a drawing.",
     "align": "Find where a plan lies under a log or a map.",
     "deviation": "Say which walls of the plan stand, moved, or are not there.",
+    "batch": "Run many logs into an archive of results; only what is missing.",
     "rescore": "Score results under other priors, without their logs.",
     "tune": "Find the prior's values that suit results, or a plan, best.",
     "export": "Write maps, poses and scores of a result in the formats of others.",
