@@ -7,7 +7,7 @@ import struct
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from importlib.metadata import version
-from pathlib import Path, PurePath
+from pathlib import Path
 from types import TracebackType
 from typing import Any
 
@@ -16,16 +16,19 @@ import numpy.typing as npt
 
 from formats import result_messages as ros
 from formats import result_records as records
+from formats.ends import Points, end_points
 from formats.errors import FormatError
 from formats.errors import Path as AnyPath
 from formats.frame import Pose
 from formats.grid import Evidence, Geometry
 from formats.groups import grouped, scored_cells
-from formats.keyframes import Keyframes, Pictures, percent
+from formats.keyframes import LIMIT, Keyframes, Pictures, percent
 from formats.mcap_writing import McapWriter
+from formats.media import media_type
 from formats.output import atomic
 from formats.plain_json import now, plain_json
 from formats.result import Curve, Step
+from formats.result_clouds import add_cloud
 from formats.result_contents import FORMAT, RECORD
 from formats.result_reading import RunFile, read_result
 
@@ -36,17 +39,6 @@ HERE = Pose(0.0, 0.0, 0.0)
 BLOCK = 4096  # frames encoded at once
 IN_MEMORY = 1 << 24  # bytes of frames held before they go to a temporary file
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")  # of a curve: it becomes part of a ROS topic's name
-MEDIA = {
-    ".jpg": "image/jpeg",
-    ".json": "application/json",
-    ".pdf": "application/pdf",
-    ".pgm": "image/x-portable-graymap",
-    ".png": "image/png",
-    ".svg": "image/svg+xml",
-    ".tiff": "image/tiff",
-    ".toml": "application/toml",
-    ".yaml": "application/yaml",
-}
 
 
 class ResultWriter:
@@ -109,6 +101,7 @@ class ResultWriter:
         self._atomic = atomic(path, force=force, inputs=list(inputs))
         self._keyframes = Keyframes(geometry, self._levels)
         self._scored: list[str] = []
+        self._points: dict[int, Points] = {}  # of keyframes, for those who look
         self._frames, self._finished = 0, False
         self._last: Evidence | None = None
 
@@ -151,9 +144,17 @@ class ResultWriter:
             if step.evidence.counts.shape != (self._levels, *self._geometry.shape):
                 raise ValueError("evidence, curves and geometry do not fit together")
             if step.keyframe:
+                self._points[self._frames] = end_points(step.frame)
                 self._keyframes.offer(self._frames, step.evidence)
+                if len(self._points) > 2 * LIMIT:
+                    self._forget()
             self._last = step.evidence
         self._frames += 1
+
+    def _forget(self) -> None:
+        """Points of moments that are no keyframes any longer."""
+        kept = [change.frame for change in self._keyframes.kept]
+        self._points = {frame: self._points[frame] for frame in kept if frame in self._points}
 
     def finish(self, facts: Mapping[str, Any] | None = None) -> None:
         """Write the file; `facts` are added to those known before the run.
@@ -201,8 +202,7 @@ class ResultWriter:
         writer.metadata("written", {"time": now()})
         writer.metadata(RECORD, {key: plain_json(value) for key, value in record.items()})
         for name, data in self._attachments.items():
-            media = MEDIA.get(PurePath(name).suffix.lower(), "application/octet-stream")
-            writer.attachment(name, media, data)
+            writer.attachment(name, media_type(name), data)
 
     def _messages(self, channels: ros.Channels) -> None:
         """What re-scoring needs; then each frame's small messages and its keyframe's, by time."""
@@ -220,6 +220,8 @@ class ResultWriter:
                 time, behind = int(times[frame - first]), frame - first + 1
                 channels.add_frames(frames[done:behind])
                 done = behind
+                if frame in self._points:
+                    add_cloud(channels, time, self._points[frame])
                 pictures.add(kept[frame])
                 for topic, name in shown.items():
                     self._grid(channels, topic, time, pictures.cells[name])
@@ -253,11 +255,9 @@ class ResultWriter:
 
         Times of chunks overlap, then, which the index of the file accounts for.
         """
-        cells = self._last and scored_cells(self._layers, self._last.counts)
-        if cells:
-            last = self._time(self._frames - 1)
+        if cells := self._last and scored_cells(self._layers, self._last.counts):
             groups = ros.groups_message(grouped(cells))
-            channels.add(ros.GROUPS_TOPIC, ros.GROUPS, last, groups)
+            channels.add(ros.GROUPS_TOPIC, ros.GROUPS, self._time(self._frames - 1), groups)
             channels.close_chunk()
         if self._layers:
             layers = ros.cells_message(self._geometry, self._layers)

@@ -129,7 +129,7 @@ def qos(*, latched: bool) -> str:
 """
 
 
-def make(name: str, **fields: Any) -> Any:
+def make(name: str, /, **fields: Any) -> Any:
     """A message or a part of one: "std_msgs/msg/Header"."""
     return store().types[name](**fields)
 

@@ -12,15 +12,17 @@ import numpy.typing as npt
 
 from formats import result_messages as ros
 from formats import result_records as records
+from formats.ends import Points
 from formats.errors import Notes
 from formats.errors import Path as AnyPath
 from formats.frame import Pose
 from formats.grid import Evidence, Floats, Geometry, Grid
 from formats.keyframes import Change
 from formats.result import Curve, Result
+from formats.result_clouds import cloud_points
 from formats.result_contents import Messages, Stream, fitting, opened
 
-READ = ("/pose", "/cells", "/evidence", "/metrics/")  # the rest is there for other programs
+READ = ("/pose", "/cells", "/evidence", "/metrics/", "/scan_points")  # not the rest
 READ_AGAIN = ("/cells", "/evidence")
 MAX_COUNTS = 1 << 29  # levels * rows * cols: 2 GiB of counts
 
@@ -43,6 +45,7 @@ class RunFile:
         poses: (frames, 3) x, y, yaw of the sensor in the plan's frame.
         counts: scored curve -> (frames, 2, 4) int64: observed / unobserved by tp, fp, fn, tn.
         changes: of the evidence, keyframe by keyframe; all of them add up to the whole.
+        points: frame -> where its beams ended, (n, 2) m in the plan's frame; of keyframes alone.
         attachments: name -> bytes. A name may be anything: never a path to write to.
         written: when, ISO 8601 UTC.
     """
@@ -60,6 +63,7 @@ class RunFile:
     poses: Floats
     counts: dict[str, npt.NDArray[np.int64]]
     changes: list[Change]
+    points: dict[int, Points]
     attachments: dict[str, bytes]
     written: str
 
@@ -143,6 +147,7 @@ def _run_file(
     }
     changes = [_change(geometry, levels, frames, data) for _, data in messages.get("/evidence", [])]
     place = Pose(*map(float, record["map_to_plan"]))
+    times = np.array([time for time, _ in messages["/pose"]], dtype=np.int64)
     if not np.isfinite([geometry.x, geometry.y, *place, *poses["pose"].ravel()]).all():
         raise ValueError("a pose that is not finite")
     if len(changes) != record["keyframes"] or record["main"] not in curves:
@@ -157,10 +162,11 @@ def _run_file(
         main=record["main"],
         layers=layers,
         map_to_plan=place,
-        times_ns=np.array([time for time, _ in messages["/pose"]], dtype=np.int64),
+        times_ns=times,
         poses=records.poses(poses["pose"]),
         counts={name: part["counts"].astype(np.int64) for name, part in scored.items()},
         changes=changes,
+        points=_points(times, messages.get("/scan_points", [])),
         attachments=attachments,
         written=metadata.get("written", {}).get("time", ""),
     )
@@ -205,6 +211,12 @@ def _curve(
     if not np.isfinite(prior).all():
         raise ValueError("a prior with cells that are not finite")
     return Curve(Grid(geometry, prior), p_levels, entry["update"])
+
+
+def _points(times_ns: npt.NDArray[np.int64], stream: Stream) -> dict[int, Points]:
+    """Clouds by the frame of their time."""
+    frames = {int(time): frame for frame, time in enumerate(times_ns)}
+    return {frames[time]: cloud_points(data) for time, data in stream}
 
 
 def _change(geometry: Geometry, levels: int, frames: int, data: bytes) -> Change:

@@ -15,8 +15,19 @@ PUBLIC = {
     "batch": "replay.archive.batching",
     "rescore": "replay.archive.rescored",
     "tune": "replay.tuning.finding",
+    "view": "replay.viewing.looking",
 }
-__all__ = ["batch", "deviation", "export", "plan", "rescore", "run", "steps", "tune"]
+__all__ = [
+    "batch",
+    "deviation",
+    "export",
+    "plan",
+    "rescore",
+    "run",
+    "steps",
+    "tune",
+    "view",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from typing import Any
 
@@ -11,6 +11,7 @@ from formats.log import Log
 from formats.result import Counts, Split
 from formats.stream import Drive
 from replay.options import Options
+from replay.pictures import CURVE_NAMES
 from replay.prior import breaks_e13
 from replay.scoring import METRICS
 from replay.world import World
@@ -35,10 +36,30 @@ def said(world: World, drive: Drive, notes: Notes) -> dict[str, list[str]]:
     return {"plan": lines, "log": [printable(reason, 400) for reason in drive.choice.reasons]}
 
 
-def markdown(title: str, lines: dict[str, list[str]]) -> str:
-    """The same for the viewer's text panel."""
-    items = [f"- **{word}** {line}" for word, texts in lines.items() for line in texts]
-    return "\n".join([f"# {title}", *items])
+def markdown(
+    title: str, lines: Mapping[str, Sequence[str]], found: Mapping[str, Any] | None = None
+) -> str:
+    """The same for the viewer's text panel, with the scores where the run has ended.
+
+    Args:
+        title: of the panel.
+        lines: what `said` gives.
+        found: what `--json` prints of the run.
+    """
+    text = [f"# {printable(title)}"]
+    if found and found.get("scores"):
+        text += ["", f"| {found['against']} | precision | recall | F2 |", "|---|---|---|---|"]
+        for name, score in found["scores"].items():
+            numbers = " | ".join(f"{score[key]:.2f}" for key in SHOWN)
+            text.append(f"| {CURVE_NAMES.get(name, name)} | {numbers} |")
+        text += [
+            "",
+            f"{found['scans']} scans, {found['explored']:.0%} of the scored cells seen",
+            "",
+        ]
+    text += [f"- **{word}** {line}" for word, texts in lines.items() for line in texts]
+    text += [f"- {printable(note, 400)}" for note in (found or {}).get("notes", [])]
+    return "\n".join(text)
 
 
 def warn(world: World, options: Options, notes: Notes) -> None:

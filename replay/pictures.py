@@ -1,4 +1,4 @@
-"""Pictures of maps and readings, for the viewer, reports and docs: colours, PNG, end points."""
+"""Pictures of maps and readings, for the viewer, reports and docs: colours and PNG."""
 
 from __future__ import annotations
 
@@ -8,13 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from formats.grid import Grid
-from formats.result import Step
 
 Bools = npt.NDArray[np.bool_]
 Colour = tuple[int, int, int]
 MOST_CELLS = 4_000_000  # a larger map is shown at a lower resolution
-MOST_POINTS = 270  # of a scan
-HORIZON = 1e4  # m, farther than any range sensor sees
 # Okabe and Ito's palette: told apart with any colour vision. Red, green, blue.
 FOUND, MISSED, FALSE = (0, 114, 178), (230, 159, 0), (204, 121, 167)
 CURVE_COLOURS: dict[str, Colour] = {
@@ -22,6 +19,15 @@ CURVE_COLOURS: dict[str, Colour] = {
     "bayes": (0, 114, 178),
     "paper": (213, 94, 0),
 }
+# Of runs side by side, in turn; from the same palette.
+RUN_COLOURS: list[Colour] = [
+    (0, 114, 178),
+    (213, 94, 0),
+    (0, 158, 115),
+    (204, 121, 167),
+    (230, 159, 0),
+    (86, 180, 233),
+]
 CURVE_NAMES = {"none": "no prior", "bayes": "prior, bayes", "paper": "prior, paper"}
 
 
@@ -64,17 +70,3 @@ def errors(occupied: Bools, truth: Bools, scored: Bools) -> npt.NDArray[np.uint8
     wall, claimed = truth & scored, occupied & scored
     layers = ((wall & claimed, FOUND), (wall & ~claimed, MISSED), (claimed & ~wall, FALSE))
     return coloured(truth.shape, layers)
-
-
-def end_points(step: Step) -> npt.NDArray[np.float32]:
-    """Where the beams of a step ended, (n, 2) m in the plan's frame, thinned."""
-    scan, pose = step.frame.scan, step.frame.pose
-    every = slice(None, None, max(1, -(-len(scan.ranges) // MOST_POINTS)))
-    ranges = scan.ranges[every]
-    with np.errstate(invalid="ignore"):
-        seen = (ranges >= max(scan.min_range, 1e-6)) & (ranges < min(scan.max_range, HORIZON))
-    reach, angles = ranges[seen], scan.bearings[every][seen] + pose.yaw
-    points = np.empty((len(reach), 2), dtype=np.float32)
-    points[:, 0] = pose.x + reach * np.cos(angles)
-    points[:, 1] = pose.y + reach * np.sin(angles)
-    return points

@@ -45,6 +45,7 @@ def run(
     rrd: Source | None = None,
     view: bool = False,
     connect: str | None = None,
+    viewer_budget: float = 150.0,
     align: Source | None = None,
     prior_values: Source | None = None,
     archive: Mapping[str, Any] | None = None,
@@ -63,6 +64,7 @@ def run(
         force: replace outputs that exist.
         rrd: a recording for Rerun.
         view, connect: stream to a viewer, a new one or the one at an address.
+        viewer_budget: MB that are drawn of the run, about.
         align: a placement that `replay align` wrote; without one, and without a place of its own,
             the plan is laid under the log here.
         prior_values: values of the prior that `replay tune` wrote; options go before them.
@@ -104,7 +106,22 @@ def run(
     for path in written:  # a yaml beside the plan is an input, too
         check_output(path, force=force, inputs=inputs)
     main = chosen["update"] if prior else "none"
+    viewer = None
     with ExitStack() as stack:
+        if rrd or view or connect:  # before the log, since it starts beside it
+            from replay.viewing.aside import Viewer
+
+            viewer = Viewer(
+                path=rrd,
+                view=view,
+                connect=connect,
+                budget=viewer_budget,
+                force=force,
+                inputs=inputs,
+                notes=notes,
+                say=say,
+            )
+            stack.enter_context(viewer)
         log = open_log(sources, notes)
         stack.callback(log.close)
         before = states(sources)
@@ -164,15 +181,13 @@ def run(
             inputs=inputs,
         )
         sinks: list[Any] = [stack.enter_context(writer)]
-        if rrd or view or connect:
-            from replay.viewer import Scene, Viewer
+        title = f"{sources[0].name} over {plan.path.name if plan else 'no plan'}"
+        if viewer is not None:
+            from replay.viewing.making import scene_of_world
 
-            title = f"{sources[0].name} over {plan.path.name if plan else 'no plan'}"
-            scene = Scene(title, world, facts.markdown(title, said), main)
-            viewer = Viewer(
-                scene, path=rrd, view=view, connect=connect, force=force, inputs=inputs, say=say
-            )
-            sinks.append(stack.enter_context(viewer))
+            text = facts.markdown(title, said)
+            viewer.show(scene_of_world(world, title, text, main, len(drive), drive.bounds))
+            sinks.append(viewer)
         times, counts = array("q"), array("q")
         clock.lap("reading")
         frames = drive.frames()
@@ -198,6 +213,8 @@ def run(
             levels = world.curves["none"].p_levels
             found["walls"] = deviations(mapper.evidence, world.kept(), levels).facts()
         writer.finish(found)
+        if viewer is not None:
+            viewer.report(facts.markdown(title, said, found))
         grids = {name: curve.of(mapper.evidence) for name, curve in world.curves.items()}
     clock.lap("writing")
     table = np.array(counts, dtype=np.int64).reshape(len(times), len(world.curves), 2, 4)
@@ -209,7 +226,8 @@ def run(
         facts={
             **found,
             "result": str(out),
-            "written": [str(path) for path in written],
+            "written": [str(out), *([str(rrd)] if rrd and viewer and viewer.written else [])],
+            "lost": notes.total("lost"),  # a recording, too
             "seconds": {"whole": sum(clock.seconds.values()), **clock.seconds},
         },
     )

@@ -22,6 +22,7 @@ VERBS = {
     "batch": "Run many logs into an archive of results; only what is missing.",
     "rescore": "Score results under other priors, without their logs.",
     "tune": "Find the prior's values that suit results, or a plan, best.",
+    "view": "Look at results in Rerun: a window, a browser, a picture.",
     "export": "Write maps, poses and scores of a result in the formats of others.",
 }
 

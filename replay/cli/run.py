@@ -52,6 +52,7 @@ METHODS = ["auto", "log", "amcl"]
 @click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
 @click.option("--view", is_flag=True, help="Open the Rerun viewer and stream to it.")
 @click.option("--rrd", metavar="FILE", type=click.Path(path_type=Path), help="Save for Rerun.")
+@click.option("--viewer-budget", metavar="MB", type=POSITIVE, help="Drawn of a run at most; 150.")
 @click.option("--connect", metavar="URL", help="Stream to a Rerun viewer that is already there.")
 @click.option(
     "--align",

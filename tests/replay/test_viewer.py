@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -11,9 +15,13 @@ import numpy as np
 import pytest
 import rerun as rr
 
-from formats.errors import FormatError
-from replay import run
-from replay.pictures import FALSE, FOUND, MISSED, coloured, end_points, errors, png, thinning
+from formats.ends import end_points
+from formats.errors import FormatError, Notes, UsageError
+from formats.frame import Frame, Pose, Scan
+from formats.result_file import read_result
+from replay import run, view
+from replay.pictures import FALSE, FOUND, MISSED, coloured, errors, png, thinning
+from replay.viewing.process import start_unseen
 
 ROOT = Path(__file__).resolve().parents[2]
 SAMPLES = ROOT / "sample_logs"
@@ -90,57 +98,253 @@ def test_a_viewer_that_is_not_there_costs_a_line(tmp_path: Path) -> None:
         every=100,
         say=said.append,
     )
-    assert Path(result.facts["result"]).exists()
+    assert read_result(result.facts["result"]).facts["scans"] == 9
     assert len(said) == 1
     assert said[0].startswith("viewer: gone")
 
 
-def test_views_do_not_complain(recorded: tuple[Path, Any], tmp_path: Path) -> None:
-    from scripts.figures import screenshot
+def test_an_address_that_is_none_is_refused_before_the_run(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="not the address of a viewer"):
+        run(SAMPLES / "turtlebot.mcap", output=tmp_path / "x.mcap", connect="localhost")
+    assert not list(tmp_path.iterdir())
 
-    picture = tmp_path / "view.png"
+
+def pictured(picture: Path, recording: Path, at: float) -> list[str]:
+    """What the viewer complains of while it makes a picture; a skip where it cannot."""
+    said: list[str] = []
     try:
-        complaints = screenshot(recorded[0], picture, at_s=50.0)
-    except ConnectionError as error:
+        view(recording, screenshot=picture, at=at, say=said.append)
+    except FormatError as error:
+        if "the viewer did not start" in str(error):
+            pytest.skip(f"no viewer without a Vulkan driver (mesa-vulkan-drivers): {error}")
+        raise
+    return said
+
+
+def test_views_do_not_complain(recorded: tuple[Path, Any], tmp_path: Path) -> None:
+    assert pictured(tmp_path / "view.png", recorded[0], 50.0) == []
+    assert (tmp_path / "view.png").stat().st_size > 50_000
+
+
+def test_several_results_lie_side_by_side(recorded: tuple[Path, Any], tmp_path: Path) -> None:
+    result = recorded[1].facts["result"]
+    copy = shutil.copy(result, tmp_path / "other.replay.mcap")
+    assert view([result, copy], rrd=tmp_path / "two.rrd") == [tmp_path / "two.rrd"]
+    curve = recorded[1].counts["bayes"].sum(axis=1)
+    for root in ("/run0", "/run1"):
+        shown = column(tmp_path / "two.rrd", f"{root}/score/recall/bayes", "scalars")
+        assert np.allclose(np.ravel(shown), curve[:, 0] / (curve[:, 0] + curve[:, 2]))
+    assert pictured(tmp_path / "two.png", tmp_path / "two.rrd", 50.0) == []
+
+
+def test_a_result_without_its_log_gives_what_the_run_gave(
+    recorded: tuple[Path, Any], tmp_path: Path
+) -> None:
+    view(recorded[1].facts["result"], rrd=tmp_path / "again.rrd")
+    for entity in ("/score/f2/bayes", "/score/precision/none", "/coverage/seen"):
+        live = column(recorded[0], entity, "scalars")
+        assert len(live) == recorded[1].facts["scans"]
+        assert column(tmp_path / "again.rrd", entity, "scalars") == live
+    for entity in ("with_prior", "without_prior", "errors"):
+        live = column(recorded[0], f"/plan/{entity}/map", "blob")
+        again = column(tmp_path / "again.rrd", f"/plan/{entity}/map", "blob")
+        assert again == live
+    scans = column(tmp_path / "again.rrd", "/plan/robot/scan", "positions")
+    live = column(recorded[0], "/plan/robot/scan", "positions")
+    assert 50 < len(scans) < len(live)  # those of keyframes
+    assert all(scan in live for scan in scans[:5])
+
+
+def test_what_cannot_be_viewed_is_said(recorded: tuple[Path, Any], tmp_path: Path) -> None:
+    with pytest.raises(FormatError, match="not a result"):
+        view(SAMPLES / "turtlebot.mcap", rrd=tmp_path / "x.rrd")
+    with pytest.raises(FormatError, match="holds no results"):
+        view(SAMPLES, rrd=tmp_path / "x.rrd")
+    with pytest.raises(UsageError, match="cannot be shown as one"):
+        view([recorded[0], recorded[1].facts["result"]], rrd=tmp_path / "x.rrd")
+    with pytest.raises(UsageError, match="give --screenshot"):
+        view(recorded[0], at=3.0)
+    with pytest.raises(UsageError, match="too many side by side"):
+        view([recorded[1].facts["result"]] * 7, rrd=tmp_path / "x.rrd")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_long_run_stays_within_its_budget(recorded: tuple[Path, Any], tmp_path: Path) -> None:
+    """A budget of a tenth of what the whole takes, and the last map all the same."""
+    whole = tmp_path / "whole.rrd"
+    result = recorded[1].facts["result"]
+    view(result, rrd=whole)
+    budget = whole.stat().st_size / 10 / 1e6
+    view(result, rrd=tmp_path / "small.rrd", viewer_budget=budget)
+    fixed = 250_000  # bytes of the layout and of what holds throughout, whatever the budget
+    assert (tmp_path / "small.rrd").stat().st_size < budget * 1e6 + fixed
+    few = column(tmp_path / "small.rrd", "/plan/errors/map", "blob")
+    every = column(whole, "/plan/errors/map", "blob")
+    assert 1 <= len(few) < len(every)
+    assert few[-1] == every[-1]
+
+
+def test_a_drawing_process_that_is_killed_costs_the_recording_alone(tmp_path: Path) -> None:
+    killed: list[int] = []
+
+    def kill(done: int, expected: int) -> None:
+        if done > expected // 2 and not killed:
+            children = children_of_this()
+            assert children
+            os.kill(children[0], signal.SIGKILL)
+            killed.append(children[0])
+
+    notes = Notes()
+    result = run(
+        SAMPLES / "turtlebot.mcap",
+        SAMPLES / "plan.png",
+        output=tmp_path / "run.replay.mcap",
+        rrd=tmp_path / "run.rrd",
+        notes=notes,
+        progress=kill,
+    )
+    assert killed
+    assert [path.name for path in tmp_path.iterdir()] == ["run.replay.mcap"]
+    assert read_result(tmp_path / "run.replay.mcap").facts["scans"] == 807
+    assert result.facts["written"] == [str(tmp_path / "run.replay.mcap")]
+    assert [str(note) for note in notes.of("lost")] == [
+        f"{tmp_path / 'run.rrd'}: not written: the process that draws ended with code -9; "
+        "the result is whole"
+    ]
+
+
+def children_of_this() -> list[int]:
+    """Ids of this process's children."""
+    text = Path(f"/proc/self/task/{os.getpid()}/children").read_text()
+    return [int(word) for word in text.split()]
+
+
+@pytest.mark.slow
+def test_a_viewer_that_stops_costs_a_line(tmp_path: Path) -> None:
+    """It is there, takes the connection, and then hangs: the run and its recording end well."""
+    said: list[str] = []
+    try:
+        address, viewer = start_unseen()
+    except FormatError as error:
         pytest.skip(f"no viewer without a Vulkan driver (mesa-vulkan-drivers): {error}")
-    assert complaints == []
-    assert picture.stat().st_size > 50_000
+    try:
+        os.kill(viewer.pid, signal.SIGSTOP)
+        run(
+            SAMPLES / "turtlebot.mcap",
+            SAMPLES / "plan.png",
+            output=tmp_path / "run.replay.mcap",
+            rrd=tmp_path / "run.rrd",
+            connect=address,
+            say=said.append,
+        )
+    finally:
+        viewer.kill()
+        viewer.wait()
+    assert len(said) == 1
+    assert said[0].startswith("viewer: gone")
+    assert read_result(tmp_path / "run.replay.mcap").facts["scans"] == 807
+    assert len(column(tmp_path / "run.rrd", "/score/f2/bayes", "scalars")) == 807
+
+
+def test_a_viewer_that_is_killed_costs_a_line(tmp_path: Path) -> None:
+    said: list[str] = []
+    try:
+        address, viewer = start_unseen()
+    except FormatError as error:
+        pytest.skip(f"no viewer without a Vulkan driver (mesa-vulkan-drivers): {error}")
+
+    def kill(done: int, expected: int) -> None:
+        if done > expected // 2:
+            viewer.kill()
+            viewer.wait()
+
+    run(
+        SAMPLES / "turtlebot.mcap",
+        SAMPLES / "plan.png",
+        output=tmp_path / "run.replay.mcap",
+        connect=address,
+        progress=kill,
+        say=said.append,
+    )
+    assert viewer.returncode is not None
+    assert len(said) == 1
+    assert said[0].startswith("viewer: gone")
+    assert read_result(tmp_path / "run.replay.mcap").facts["scans"] == 807
+
+
+def test_viewers_listen_on_the_loopback_interface_alone() -> None:
+    try:
+        address, viewer = start_unseen()
+    except FormatError as error:
+        pytest.skip(f"no viewer without a Vulkan driver (mesa-vulkan-drivers): {error}")
+    port = int(address.split(":")[2].split("/")[0])
+    try:
+        rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
+        hosts = {row[1].split(":")[0] for row in rows if row[1].endswith(f":{port:04X}")}
+        assert hosts == {"0100007F"}  # 127.0.0.1, the bytes the other way round
+    finally:
+        viewer.kill()
+        viewer.wait()
+
+
+@pytest.mark.slow
+def test_a_full_disk_costs_the_recording_alone(tmp_path: Path) -> None:
+    small = tmp_path / "small"
+    small.mkdir()
+    done = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=9m", "tmpfs", small], capture_output=True, check=False
+    )
+    if done.returncode:
+        pytest.skip(f"no file system of 9 MB could be mounted: {done.stderr.decode().strip()}")
+    notes = Notes()
+
+    def fill(done: int, expected: int) -> None:
+        if done > expected // 2:
+            with contextlib.suppress(OSError), (small / "else").open("wb", buffering=0) as file:
+                while True:
+                    file.write(bytes(1 << 16))
+
+    try:
+        run(
+            SAMPLES / "turtlebot.mcap",
+            SAMPLES / "plan.png",
+            output=tmp_path / "run.replay.mcap",
+            rrd=small / "run.rrd",
+            notes=notes,
+            progress=fill,
+        )
+        assert [path.name for path in small.iterdir()] == ["else"]
+    finally:
+        subprocess.run(["umount", small], check=True)
+    assert read_result(tmp_path / "run.replay.mcap").facts["scans"] == 807
+    (lost,) = notes.of("lost")
+    assert "the result is whole" in str(lost)
 
 
 def test_north_is_up(tmp_path: Path) -> None:
     """A plan whose lower half is wall must show dark below and light above."""
     import cv2
 
-    from formats.errors import Notes
-    from formats.frame import Frame, Pose, Scan
-    from formats.plan_file import open_plan
-    from replay.mapper import Mapper
-    from replay.pipeline import steps
-    from replay.viewer import Scene, Viewer
-    from replay.world import build_world
-    from scripts.figures import screenshot
     from tests.worlds import world_png
 
     rows = ["." * 40] * 20 + ["#" * 40] * 20
-    plan = open_plan(
-        world_png(tmp_path / "plan.png", "\n".join(rows)),
-        Notes(),
-        resolution=0.1,
-        origin=Pose(7.0, 3.0, 0.0),
+    world_png(tmp_path / "plan.png", "\n".join(rows))
+    run(
+        SAMPLES / "turtlebot.mcap",
+        tmp_path / "plan.png",
+        plan_resolution=0.3,
+        plan_origin=Pose(-6.0, -6.0, 0.0),
+        region="image",
+        max_range=0.1,  # nothing is seen, the plan stands
+        no_return="ignore",
+        output=tmp_path / "half.mcap",
+        rrd=tmp_path / "half.rrd",
+        duration=1.0,
     )
-    world = build_world(plan, None, (8.0, 6.0, 8.0, 6.0), 1.0, Notes(), region="image")
-    nothing = Scan(np.zeros(1), np.full(1, 0.1), np.full(1, np.nan), 0.1, 1.0)
-    with Viewer(Scene("half", world, "# half"), path=tmp_path / "half.rrd") as viewer:
-        frame = Frame(0, Pose(8.0, 6.0, 0.0), nothing)
-        for step in steps(iter([frame]), 1, world, Mapper(world.geometry)):
-            viewer.write(step)
-    try:
-        screenshot(tmp_path / "half.rrd", tmp_path / "half.png", at_s=0.0)
-    except ConnectionError as error:
-        pytest.skip(f"no viewer without a Vulkan driver (mesa-vulkan-drivers): {error}")
+    pictured(tmp_path / "half.png", tmp_path / "half.rrd", 0.0)
     shown = cv2.imread(str(tmp_path / "half.png"), cv2.IMREAD_GRAYSCALE)
     assert shown is not None
-    first = shown[70:640, 100:540].astype(float)  # the view of the map with prior
+    first = shown[70:640, 150:500].astype(float)  # the view of the map with prior
     assert first[: len(first) // 2 - 40].mean() > first[len(first) // 2 + 40 :].mean() + 30
 
 
@@ -160,13 +364,10 @@ def test_errors_are_coloured_by_kind() -> None:
 
 
 def test_end_points_are_where_beams_ended() -> None:
-    from formats.frame import Frame, Pose, Scan
-    from formats.result import Step
-
     ranges = np.array([1, np.inf, np.nan, 0.01, 2], np.float32)
     scan = Scan(np.array([0.0, 0.1, 0.2, 0.3, np.pi / 2]), np.full(5, 0.1), ranges, 0.1, 10.0)
     frame = Frame(0, Pose(1.0, 2.0, np.pi / 2), scan)
-    assert np.allclose(end_points(Step(0, frame, {}, {})), [[1.0, 3.0], [-1.0, 2.0]], atol=1e-6)
+    assert np.allclose(end_points(frame), [[1.0, 3.0], [-1.0, 2.0]], atol=1e-6)
 
 
 def test_png_keeps_red_and_thins_large_maps() -> None:

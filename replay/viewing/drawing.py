@@ -1,0 +1,227 @@
+"""Draws one run into a recording: what holds throughout, frames in blocks, maps at keyframes.
+
+Entities lie in metres of the plan's frame, y up. What is sent stays within a budget however long
+the run is: scans and scores are thinned, and maps wait for their share.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import rerun as rr
+
+from formats.grid import Geometry
+from formats.result_records import ratios
+from replay.pictures import CURVE_COLOURS, CURVE_NAMES, coloured, errors, png, thinning
+from replay.viewing.panels import METRICS
+from replay.viewing.scene import BUDGET, MAP_SHARE, Block, Keyframe, Scene, explored, strides
+from replay.viewing.shades import Shades
+
+WALLS, DOORS, WINDOWS = (60, 60, 60, 90), (86, 180, 233, 200), (0, 158, 115, 200)
+SCAN, PATH, POSE = (213, 94, 0), (0, 158, 115), (0, 90, 50)
+Send = Callable[[Callable[[Any], None]], None]
+
+
+class Drawing:
+    """One run in a recording.
+
+    Args:
+        scene: what does not change.
+        send: does its argument for every recording stream.
+        root: the entity that all of it lies under.
+        budget: MB that may be sent, about.
+        name: of the run, before the names of its curves.
+        colour: of its main curve; None: that of the curve.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        send: Send,
+        *,
+        root: str = "",
+        budget: float = BUDGET,
+        name: str = "",
+        colour: tuple[int, int, int] | None = None,
+    ) -> None:
+        self._scene, self._send, self._root, self._name = scene, send, root, name
+        self._colour = colour
+        self._scan_every, self._score_every = strides(scene.frames, budget)
+        self._map_bytes, self._sent = budget * 1e6 * MAP_SHARE, 0
+        self._start_ns: int | None = None
+        shown = {name: scene.curves[name] for name in dict.fromkeys((scene.main, "none"))}
+        self._shades = Shades(shown, scene.geometry, scene.levels)
+        self._pictures: dict[str, bytes] = {}
+        self._moment = (0, 0, 0.0)  # frame, ns, share explored
+        self._behind, self._place = False, np.empty((0, 2))  # m, where the path ended so far
+        self._static()
+
+    def _log(self, entity: str, thing: Any, *, static: bool = False) -> None:
+        path = f"{self._root}/{entity}"
+        self._send(lambda recording: recording.log(path, thing, static=static))
+
+    def _columns(self, entity: str, times: Any, columns: Any) -> None:
+        path = f"{self._root}/{entity}"
+        self._send(lambda recording: recording.send_columns(path, times, columns))
+
+    def _static(self) -> None:
+        """Everything that holds for the whole run."""
+        scene = self._scene
+        # Rerun's 2-D y axis points down: one flip here, and everything below is in metres, y up.
+        flip = rr.Transform3D(mat3x3=[[1, 0, 0], [0, -1, 0], [0, 0, 1]])
+        self._log("plan", flip, static=True)
+        for entity in ("drawing", "with_prior", "without_prior", "errors"):
+            self._log(f"plan/{entity}", _placed(scene.geometry), static=True)
+        layers = ((scene.walls, WALLS), (scene.doors, DOORS), (scene.windows, WINDOWS))
+        walls = png(coloured(scene.geometry.shape, layers))
+        self._log("plan/drawing/walls", _image(walls, draw_order=-5), static=True)
+        look = {"colors": [SCAN], "radii": [0.03]}
+        self._log("plan/robot/scan", rr.Points2D.from_fields(**look), static=True)
+        self._log("plan/robot/pose", rr.Arrows2D.from_fields(colors=[POSE]), static=True)
+        self.report(scene.report)
+        for curve in self._curves():
+            main = self._colour is not None and curve == scene.main
+            colour = self._colour if main else CURVE_COLOURS.get(curve, (0, 0, 0))
+            label = f"{self._name}: {CURVE_NAMES.get(curve, curve)}".removeprefix(": ")
+            for metric in METRICS:
+                line = rr.SeriesLines(colors=[colour], names=[label], widths=[2])
+                self._log(f"score/{metric}/{curve}", line, static=True)
+        line = rr.SeriesLines(
+            colors=[self._colour or CURVE_COLOURS["bayes"]],
+            names=[f"{self._name}: seen".removeprefix(": ")],
+            widths=[2],
+        )
+        self._log("coverage/seen", line, static=True)
+
+    def _curves(self) -> list[str]:
+        """Those whose scores are drawn: beside other runs, not the paper's rule as well."""
+        if not self._name:
+            return list(self._scene.curves)
+        return list(dict.fromkeys((self._scene.main, "none")))
+
+    def report(self, markdown: str) -> None:
+        """The text panel from now on."""
+        self._log("report", rr.TextDocument(markdown, media_type="text/markdown"), static=True)
+
+    def block(self, block: Block) -> None:
+        """Scores, poses and scans of frames as columns, and the path that they drove."""
+        if not len(block.frames):
+            return
+        if self._start_ns is None:
+            self._start_ns = int(block.times_ns[0])
+        counts = next(iter(block.counts.values()), None)
+        seen = np.zeros(len(block.frames)) if counts is None else explored(counts)
+        some = np.arange(len(block.frames))[block.frames % self._score_every == 0]
+        if len(some):
+            times = self._times(block, some, seen)
+            for curve in self._curves():
+                if curve in block.counts:
+                    values = ratios(block.counts[curve][some].sum(axis=1)).T
+                    for metric, column in zip(("precision", "recall", "f2"), values, strict=True):
+                        scalars = rr.Scalars.columns(scalars=column)
+                        self._columns(f"score/{metric}/{curve}", times, scalars)
+            if self._scene.scored.any():
+                scalars = rr.Scalars.columns(scalars=seen[some])
+                self._columns("coverage/seen", times, scalars)
+            poses = block.poses[some]
+            heading = 0.4 * np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], axis=1)
+            arrows = rr.Arrows2D.columns(origins=poses[:, :2], vectors=heading)
+            self._columns("plan/robot/pose", times, arrows)
+        self._scans(block, seen)
+        self._at(int(block.frames[0]), int(block.times_ns[0]), float(seen[0]))
+        if len(some):
+            places = np.concatenate([self._place, block.poses[some, :2]])
+            self._place = places[-1:]
+            path = rr.LineStrips2D([places], colors=[PATH], radii=[0.02])
+            self._log(f"plan/robot/path/{block.frames[0]}", path)
+
+    def _scans(self, block: Block, seen: npt.NDArray[np.float64]) -> None:
+        """Where beams ended, of as many frames as the budget allows and as are known."""
+        known = [
+            i
+            for i, points in enumerate(block.points)
+            if points is not None and (block.frames[i] % self._scan_every == 0)
+        ]
+        if known:
+            scans = [block.points[i] for i in known]
+            lengths = [len(points) for points in scans if points is not None]
+            every = np.concatenate([points for points in scans if points is not None])
+            columns = rr.Points2D.columns(positions=every).partition(lengths)
+            self._columns("plan/robot/scan", self._times(block, np.array(known), seen), columns)
+
+    def _times(
+        self,
+        block: Block,
+        some: npt.NDArray[np.integer[Any]],
+        seen: npt.NDArray[np.float64],
+    ) -> list[Any]:
+        """Every timeline at some frames of a block."""
+        since = (block.times_ns[some] - (self._start_ns or 0)) / 1e9
+        return [
+            rr.TimeColumn("frame", sequence=block.frames[some]),
+            rr.TimeColumn("log_time_s", duration=since),
+            rr.TimeColumn("stamp", timestamp=block.times_ns[some] / 1e9),
+            rr.TimeColumn("explored_permille", sequence=np.rint(1000 * seen[some]).astype(int)),
+        ]
+
+    def _at(self, frame: int, time_ns: int, seen: float) -> None:
+        """Sets every timeline to a frame."""
+        since = (time_ns - (self._start_ns or 0)) / 1e9
+
+        def work(recording: Any) -> None:
+            recording.set_time("frame", sequence=frame)
+            recording.set_time("log_time_s", duration=since)
+            recording.set_time("stamp", timestamp=time_ns / 1e9)
+            recording.set_time("explored_permille", sequence=round(1000 * seen))
+
+        self._send(work)
+
+    def keyframe(self, keyframe: Keyframe) -> None:
+        """The maps of a moment."""
+        change = keyframe.change
+        self._shades.add(change)
+        self._moment = change.frame, keyframe.time_ns, keyframe.explored
+        share = (change.frame + 1) / max(self._scene.frames, change.frame + 1)
+        if self._sent > self._map_bytes * max(share, 0.1):
+            self._behind = True  # long logs of large buildings: fewer maps
+            return
+        self._maps()
+
+    def close(self) -> None:
+        """The last maps, where they had to wait."""
+        if self._behind:
+            self._maps()
+
+    def _maps(self) -> None:
+        """The maps and the errors; of one size throughout, which the viewer insists on."""
+        self._behind = False
+        self._at(*self._moment)
+        scene, shades = self._scene, self._shades
+        drawn: dict[str, tuple[npt.NDArray[np.uint8], float]] = {
+            "without_prior": (shades.shades["none"], -10)
+        }
+        if scene.drawn:
+            drawn["with_prior"] = shades.shades[scene.main], -10
+        if scene.scored.any():
+            drawn["errors"] = errors(shades.occupied[scene.main], scene.truth, scene.scored), -1
+        for entity, (cells, order) in drawn.items():
+            picture = png(cells)
+            if self._pictures.get(entity) == picture:
+                continue  # nothing changed, and the viewer shows the last one
+            self._pictures[entity] = picture
+            self._sent += len(picture)
+            self._log(f"plan/{entity}/map", _image(picture, draw_order=order))
+
+
+def _placed(geometry: Geometry) -> Any:
+    """Cells to metres of the plan's frame."""
+    cell = geometry.resolution * thinning(geometry.shape)
+    return rr.Transform3D(translation=[geometry.x, geometry.y, 0], scale=cell)
+
+
+def _image(data: bytes, draw_order: float) -> Any:
+    """A PNG as Rerun wants it."""
+    return rr.EncodedImage(contents=data, media_type="image/png", draw_order=draw_order)

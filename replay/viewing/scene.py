@@ -1,0 +1,105 @@
+"""What a picture of a run needs, whether the run goes on or lies in a file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from formats.ends import MOST_POINTS, Points
+from formats.grid import Floats, Geometry
+from formats.keyframes import Change
+from formats.plan import Extent
+from formats.result import Curve
+from replay.pictures import Bools
+
+BATCH = 256  # frames a batch: small enough to look live, large enough to cost little
+BUDGET = 150.0  # MB that are sent of a run, about
+SCAN_SHARE, SCORE_SHARE, MAP_SHARE = 0.45, 0.15, 0.4  # of the budget
+SCAN_BYTES, SCORE_BYTES = 8 * MOST_POINTS, 500  # of a frame, about
+
+
+class Block(NamedTuple):
+    """Consecutive frames of a run, as arrays.
+
+    Attributes:
+        frames: (n,) index of each, from 0.
+        times_ns: (n,) int64.
+        poses: (n, 3) m, m, rad in the plan's frame.
+        counts: curve -> (n, 2, 4) observed / unobserved by tp, fp, fn, tn.
+        points: by frame, where its beams ended, (m, 2) m; None where that is not known.
+    """
+
+    frames: npt.NDArray[np.int64]
+    times_ns: npt.NDArray[np.int64]
+    poses: Floats
+    counts: dict[str, npt.NDArray[np.int64]]
+    points: list[Points | None]
+
+
+class Keyframe(NamedTuple):
+    """The evidence of a moment.
+
+    Attributes:
+        change: since the keyframe before.
+        time_ns: of the last frame that it holds.
+        explored: share of the scored cells that some reading observed.
+    """
+
+    change: Change
+    time_ns: int
+    explored: float
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """What does not change during a run; it travels between processes.
+
+    Attributes:
+        title: the recording's name.
+        report: markdown for the text panel.
+        geometry: of every grid.
+        levels: that a reading may show.
+        curves: name -> how its map is drawn.
+        main: the curve that is the run's map.
+        walls, doors, windows: cells of the plan, (rows, cols).
+        truth, scored: cells that are wall in truth, and cells that count.
+        extent: x0, y0, x1, y1 that is worth looking at, m.
+        frames: how many will come, as far as known.
+    """
+
+    title: str
+    report: str
+    geometry: Geometry
+    levels: int
+    curves: dict[str, Curve]
+    main: str
+    walls: Bools
+    doors: Bools
+    windows: Bools
+    truth: Bools
+    scored: Bools
+    extent: Extent
+    frames: int
+
+    @property
+    def drawn(self) -> bool:
+        """Whether there is a plan, so that a map with prior differs from one without."""
+        return self.main != "none"
+
+
+def strides(frames: int, budget: float) -> tuple[int, int]:
+    """Every how many frames a scan is sent, and the scores, so that they fit the budget (MB)."""
+    size = budget * 1e6
+    scans = round(frames * SCAN_BYTES / (size * SCAN_SHARE))
+    scores = round(frames * SCORE_BYTES / (size * SCORE_SHARE))
+    return max(1, scans), max(1, scores)
+
+
+def explored(counts: npt.NDArray[np.int64]) -> Floats:
+    """(n,) share of the scored cells that some reading observed; counts (n, 2, 4)."""
+    cells = counts.sum(axis=2).astype(np.float64)
+    every = cells.sum(axis=1)
+    return np.divide(cells[:, 0], every, out=np.zeros_like(every), where=every > 0)
