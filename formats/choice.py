@@ -105,8 +105,7 @@ def scan_topics(log: Log, wish: str = "") -> list[Topic]:
     topics = log.topics()
     readable = [t for t in topics if t.type in SENSORS and decoder_of(t) is not None]
     if wish:
-        found = named(readable, wish)
-        if found:
+        if found := _one_encoding(log, named(readable, wish)):
             return found[:1]
         other = named(topics, wish)
         problem = f"{other[0].type} is not a scan" if other else "no such topic"
@@ -116,13 +115,28 @@ def scan_topics(log: Log, wish: str = "") -> list[Topic]:
     for rank in sorted({SENSORS[t.type].rank for t in readable}):
         best, why = depth_topics(log, [t for t in readable if SENSORS[t.type].rank == rank])
         if best:
-            return _peers(best)
+            return _one_encoding(log, _peers(best))
         colour = colour or why
     if not any(t.count != 0 for t in topics):
         raise FormatError(log.path, "no messages")
     kinds = ", ".join(dict.fromkeys(re.split("[/.]", name)[-1] for name in SENSORS))
+    strange = [t for t in topics if t.type in SENSORS and decoder_of(t) is None]
     hint = colour or "record a topic of one of these types"
+    if strange and not colour:
+        told = ", ".join(f"{printable(t.name)} as {printable(t.encoding)}" for t in strange)
+        hint = f"{told} cannot be decoded: record cdr, ros1 or json"
     raise FormatError(log.path, f"no scans: looked for {kinds}; found {listing(topics)}", hint=hint)
+
+
+def _one_encoding(log: Log, topics: list[Topic]) -> list[Topic]:
+    """The topics; several logs may say the same in other encodings, of which none is all."""
+    for topic in topics:
+        alike = [t for t in topics if (t.name, t.type) == (topic.name, topic.type)]
+        if len(alike) > 1:
+            encodings = " and ".join(printable(t.encoding) for t in alike)
+            problem = f"is recorded as {encodings}, by several logs"
+            raise UsageError(log.path, problem, topic=topic.name, hint="run these one by one")
+    return topics
 
 
 def _peers(topics: list[Topic]) -> list[Topic]:

@@ -48,6 +48,10 @@ def decoder_of(topic: Topic) -> Callable[[bytes | memoryview], Any] | None:
 
         if topic.type in foxglove.DECODERS:
             return partial(foxglove.decode, topic)
+    if topic.encoding == "json" and topic.type in DECODERS:
+        from formats import ros_json
+
+        return ros_json.decoder(topic)
     if topic.encoding == "carmen":
         from formats import carmen_nouns
 

@@ -9,6 +9,7 @@ from formats.errors import Notes, Path
 from formats.log import Topic
 from formats.mcap_contents import Part
 from formats.mcap_records import Channel, Schema
+from formats.ros_standard import STANDARD
 
 ENCODINGS = {"ros1": "ros1", "ros2": "cdr"}  # of a profile, where a channel names none
 ROS_DEFINITIONS = ("ros1msg", "ros2msg", "ros2idl")
@@ -58,7 +59,8 @@ def topics_of(path: Path, notes: Notes, parts: list[Part]) -> list[dict[int, Top
 def _type(schema: Schema | None) -> str:
     if schema is None:
         return ""
-    if schema.encoding in ROS_DEFINITIONS and schema.name.count("/") == 1:
+    ros = schema.encoding in ROS_DEFINITIONS and schema.name.count("/") == 1
+    if ros or schema.name in STANDARD:  # as JSON it is called so too
         return schema.name.replace("/", "/msg/")
     return schema.name
 

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
-from formats.errors import FormatError
-from formats.stream import Options
+from formats.errors import FormatError, Notes, UsageError
+from formats.log import Message, Topic
+from formats.stream import Options, open_log, survey
+from tests.memory_log import MemoryLog
 from tests.parts import (
     Add,
     drive,
@@ -53,3 +57,18 @@ def test_errors_say_what_was_looked_for_and_what_to_do(
 def test_no_messages_is_said() -> None:
     with pytest.raises(FormatError, match="no messages"):
         opened(RosLog())
+
+
+def test_a_scan_in_an_encoding_that_nothing_reads_is_said() -> None:
+    topic = Topic("/scan", "sensor_msgs/msg/LaserScan", "cbor", count=1)
+    log = MemoryLog([Message(topic, 1, b"")])
+    with pytest.raises(FormatError, match="/scan as cbor cannot be decoded"):
+        survey(log, Notes())
+
+
+@pytest.mark.parametrize("options", [{}, {"scan": "/scan"}])
+def test_one_topic_in_two_encodings_is_not_mapped_by_half(tmp_path: Path, options: Options) -> None:
+    log = drive(scans, mount, odom)
+    paths = [log.write(tmp_path / "a.bag"), log.write(tmp_path / "b.mcap")]
+    with pytest.raises(UsageError, match="recorded as cdr and ros1, by several logs"):
+        survey(open_log(paths, Notes()), Notes(), **options)

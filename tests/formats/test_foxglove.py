@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from formats import foxglove, ros
+from formats.gathering import decoder_of
 from formats.log import Topic
 from formats.messages import (
     Cloud,
@@ -22,7 +23,6 @@ from formats.messages import (
     Transform,
     Transforms,
 )
-from formats.payload import decodable, decoder
 from formats.ros import Undecodable, odd_stamp
 from tests.foxglove_messages import CASES, JSON_POSE, field, number
 
@@ -177,14 +177,15 @@ def test_impossible_lengths_in_protobuf() -> None:
 
 
 def test_one_door_for_every_encoding() -> None:
-    name = "foxglove.PoseInFrame"
-    topic = Topic("/p", name, "protobuf")
-    assert decodable(topic)
-    assert decoder(topic)(CASES[name][0]) == CASES[name][2]
-    assert decodable(Topic("/p", "geometry_msgs/msg/PoseStamped", "ros1"))
-    assert not decodable(Topic("/p", "geometry_msgs/msg/PoseStamped", "json"))
-    assert not decodable(Topic("/p", name, "cdr"))
-    assert not decodable(Topic("/p", name, "cbor"))
+    name, pose_type = "foxglove.PoseInFrame", "geometry_msgs/msg/PoseStamped"
+    read = decoder_of(Topic("/p", name, "protobuf"))
+    assert read is not None
+    assert read(CASES[name][0]) == CASES[name][2]
+    assert decoder_of(Topic("/p", pose_type, "json")) is not None
+    for kind, encoding in ((pose_type, "protobuf"), (name, "cdr"), (name, "cbor")):
+        assert decoder_of(Topic("/p", kind, encoding)) is None
     pose = struct.pack("<IIII", 0, 5, 6, 3) + b"map" + struct.pack("<7d", *range(7))
-    found = decoder(Topic("/p", "geometry_msgs/msg/PoseStamped", "ros1"))(pose)
-    assert found == ros.decode(Topic("/p", "geometry_msgs/msg/PoseStamped", "ros1"), pose)
+    ros1 = Topic("/p", pose_type, "ros1")
+    read = decoder_of(ros1)
+    assert read is not None
+    assert read(pose) == ros.decode(ros1, pose)
