@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from formats.depth import camera_remarks
-from formats.depth_png import depth_image
+from formats.depth_packed import depth_image
 from formats.frame import Scan
 from formats.gathering import decoder_of
 from formats.log import Topic

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formats import depth
-from formats.depth_png import check_png
+from formats.depth_packed import check_packed
 from formats.echo import single_echo
 from formats.frame import Pose, Scan
 from formats.messages import (
@@ -207,8 +207,8 @@ def picture_scan(
 
 
 def compressed_fault(message: CompressedImage) -> str:
-    """Whether there is a whole PNG of depth in it, without decoding it; Undecodable otherwise."""
-    check_png(message)
+    """Whether there is a whole picture of depth in it, not decoded; Undecodable otherwise."""
+    check_packed(message)
     return ""
 
 

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from formats.depth_png import depth_image
+from formats.depth_packed import depth_image
 from formats.messages import CompressedImage
 from formats.ros import Undecodable
 
@@ -85,7 +85,7 @@ def test_bomb_is_refused_by_its_header() -> None:
 @pytest.mark.parametrize(
     ("data", "form", "reason"),
     [
-        (HEAD + b"rvl data", "16UC1; compressedDepth rvl", "no PNG in the compressed image"),
+        (HEAD + b"jpeg data", "16UC1; compressedDepth jpeg", "no PNG in the compressed image"),
         (b"", "", "no PNG in the compressed image"),
         (png(MM.astype(np.uint8)), "png", "PNG that is no depth"),
         (png(np.zeros((2, 2, 3), np.uint16)), "png", "PNG that is no depth"),
