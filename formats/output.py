@@ -140,6 +140,53 @@ def atomic(path: AnyPath, *, force: bool = False, inputs: Iterable[AnyPath] = ()
         part.unlink(missing_ok=True)
 
 
+@contextlib.contextmanager
+def atomic_folder(
+    path: AnyPath, *, mark: str, force: bool = False, inputs: Iterable[AnyPath] = ()
+) -> Iterator[Path]:
+    """The same for a folder: the block makes the one that it is given, which is not there yet.
+
+    It has the output's own name, since some formats name their files by it.
+
+    Args:
+        path: the output.
+        mark: a file that folders of this kind hold; with `force` only such a folder (or an empty
+            one) is replaced, so that a slip of the pen costs no other folder.
+        force, inputs: as of `atomic`.
+
+    Raises:
+        FormatError: see `check_output`; the folder that is there is of another kind.
+    """
+    target = Path(path)
+    old = target.is_dir() and not target.is_symlink()
+    if old and not force:
+        _must_be_new(target)
+    if old and not (target / mark).is_file() and any(target.iterdir()):
+        raise FormatError(path, f"is a folder without {mark}: not replaced", hint=RENAME)
+    beside = target.parent / f".{target.name[:40]}.{secrets.token_hex(4)}.part"
+    check_output(beside if old else target, force=force, inputs=inputs)
+    for source in inputs:
+        if old and Path(os.path.realpath(source)).is_relative_to(os.path.realpath(target)):
+            raise FormatError(path, f"the input {source} lies inside the output", hint=RENAME)
+    try:
+        beside.mkdir()
+        made = beside / target.name
+        yield made
+        for file in sorted(made.iterdir()):
+            _sync(file)
+        if old:
+            target.rename(beside / "replaced")
+        elif not force:
+            _must_be_new(target)
+        made.rename(target)
+        with contextlib.suppress(OSError):
+            _sync(target.parent)
+    except OSError as error:
+        raise cannot_write(path, error) from error
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+
+
 def _sync(path: Path) -> None:
     """Have the disk hold what was written."""
     handle = os.open(path, os.O_RDONLY)

@@ -91,6 +91,7 @@ LAYERS: dict[str, type[np.generic]] = {
     "prior_log_odds": np.float64,
 }
 LATCHED = {"/tf_static", "/cells", "/prior", "/map", "/map_without_prior"}
+LATCHED |= {"/truth_map", "/plan_map", "/simulation"}
 NEVER = "{sec: 9223372036, nsec: 854775807}"
 
 

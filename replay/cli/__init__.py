@@ -23,6 +23,7 @@ VERBS = {
     "rescore": "Score results under other priors, without their logs.",
     "tune": "Find the prior's values that suit results, or a plan, best.",
     "view": "Look at results in Rerun: a window, a browser, a picture.",
+    "simulate": "Drive a simulated robot through a plan, and write its log with the truth.",
     "export": "Write maps, poses and scores of a result in the formats of others.",
 }
 

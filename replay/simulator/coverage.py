@@ -53,8 +53,11 @@ class Ground:
         )
         far = np.minimum(np.nan_to_num(far, posinf=1e6), 1e6) * g.resolution
         far -= 0.5 * g.resolution  # to the pixel's edge
-        row = ((np.arange(rows) + 0.5) * self.step / g.resolution).astype(np.int64)
-        col = ((np.arange(cols) + 0.5) * self.step / g.resolution).astype(np.int64)
+        at = self.step / g.resolution
+        row, col = (
+            np.minimum(((np.arange(n) + 0.5) * at).astype(np.int64), most - 1)
+            for n, most in ((rows, g.rows), (cols, g.cols))
+        )
         self.clearance = far[np.ix_(row, col)].astype(np.float64)
         free = self.clearance > radius
         if inside is not None:

@@ -24,12 +24,14 @@ class Noise:
         quadratic: 1/m, of a depth: sigma + quadratic * depth^2 (stereo and structured light).
         dropout: share of the readings that come back as nothing.
         mixed: share of the beams at an edge that give a range between its two sides.
+        block: pixels, a side of the squares that err alike, since a depth is matched by windows.
     """
 
     sigma: float = 0.01
     quadratic: float = 0.0
     dropout: float = 0.001
     mixed: float = 0.0
+    block: int = 1
 
 
 USUAL, QUIET = Noise(), Noise(0.0, 0.0, 0.0, 0.0)
@@ -92,21 +94,34 @@ class Sonar:
 
 
 def disturbed(true: Floats, noise: Noise, rng: np.random.Generator) -> Floats:
-    """Ranges (n,) in m as measured: mixed pixels, noise, drop-outs; inf is and stays nothing.
+    """Ranges in m as measured: mixed pixels, noise, drop-outs; inf is and stays nothing.
 
-    The same number of draws whatever stands there, so that one seed gives one sequence.
+    Args:
+        true: (..., n); neighbours along the last axis may mix.
     """
-    n = true.size
     found = true.copy()
-    chances, blends = rng.random(n), rng.random(n)
-    if noise.mixed > 0.0 and n > 1:
-        step = np.diff(np.where(np.isfinite(true), true, nan), append=nan)
+    if noise.mixed > 0.0:
+        chances, blends = rng.random(true.shape), rng.random(true.shape)
+        step = np.diff(
+            np.where(np.isfinite(true), true, nan), append=np.full_like(true[..., :1], nan)
+        )
         edge = (np.abs(step) > EDGE) & (chances < noise.mixed)
         found[edge] += blends[edge] * step[edge]
     spread = noise.sigma + noise.quadratic * np.where(np.isfinite(found), found, 0.0) ** 2
-    found += rng.standard_normal(n) * spread
-    found[rng.random(n) < noise.dropout] = inf
+    found += drawn(true.shape, noise.block, rng) * spread
+    if noise.dropout > 0.0:
+        found[rng.random(true.shape) < noise.dropout] = inf
     return found
+
+
+def drawn(shape: tuple[int, ...], block: int, rng: np.random.Generator) -> Floats:
+    """Normal numbers, alike in squares of `block` along the axes."""
+    if block == 1:
+        return rng.standard_normal(shape)
+    few = rng.standard_normal(tuple(-(-n // block) for n in shape))
+    for axis, n in enumerate(shape):
+        few = np.repeat(few, block, axis=axis).take(range(n), axis=axis)
+    return few
 
 
 def measure(lidar: Lidar, site: Site, pose: Pose, rng: np.random.Generator) -> Floats:
