@@ -57,6 +57,7 @@ def on_cluster(
                     processes=True,
                     memory_limit=0,  # a worker only watches; limits are those of each log
                     dashboard_address=None,
+                    silence_logs=logging.CRITICAL,
                 )
             )
         try:
@@ -69,7 +70,7 @@ def on_cluster(
         if begun:
             for name in names.values():
                 begun(name)
-        for future in as_completed(futures):
+        for future in as_completed(futures, loop=client.loop):
             try:
                 outcome = future.result()
             except Exception as error:  # its workers died again and again

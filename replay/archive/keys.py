@@ -15,7 +15,7 @@ from formats.plan_file import open_plan
 from formats.result_contents import FORMAT
 from replay.archive.ledger import Ledger
 from replay.archive.manifest import Job
-from replay.archive.places import is_remote, local, remote_version, speaking, walked
+from replay.archive.places import is_remote, local, near, remote_version, speaking, walked
 from replay.options import effective, plan_values
 
 PIECE = 1 << 20
@@ -104,7 +104,7 @@ class Keys:
             within = None if is_remote(path) else topic_in(Path(path))
             if within is not None:
                 return [digest(str(within[0]), self._ledger), within[1]]
-            found = open_plan(local(place), Notes(), **values).inputs  # type: ignore[arg-type]
+            found = open_plan(near(place), Notes(), **values).inputs  # type: ignore[arg-type]
         except FormatError:  # the run will say it of each log
             pass
         return sorted(found.values()) or [_if_any(lambda: digest(place, self._ledger))]

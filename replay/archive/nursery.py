@@ -17,29 +17,18 @@ import traceback
 from pathlib import Path
 from typing import IO, Any
 
-LIBRARIES = (  # what a run imports on its way, but for what few need
-    "replay.running",
-    "replay.placing",
-    "formats.bag",
-    "formats.mcap_log",
-    "formats.rosbag2",
-    "formats.carmen",
-    "cv2",
-    "scipy.ndimage",
-)
 FORKS = sys.platform == "linux"  # elsewhere the system's own libraries do not survive it
 DEATH_SIGNAL = 1  # prctl: PR_SET_PDEATHSIG
 
 
 def main() -> None:
     """Run tasks until standard input ends."""
-    from importlib import import_module
+    from replay.archive.warming import warm
 
     answers = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)  # nothing but answers goes there
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    for name in LIBRARIES:
-        import_module(name)
+    warm()
     _say(answers, {"ready": os.getpid()})
     while line := _line():
         task = json.loads(line)

@@ -12,7 +12,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from formats.errors import FormatError
+from formats.errors import FormatError, printable
 from formats.jit import cache_folder
 
 Place = str | PathLike[str]
@@ -48,7 +48,8 @@ def speaking(place: Place) -> Iterator[tuple[Any, str]]:
     except FormatError:
         raise
     except ImportError as error:
-        hint = 'install the extra: pip install "plan-replay[s3]"'
+        extra = 'the extra: pip install "plan-replay[s3]"'
+        hint = f"install {extra if text.startswith('s3') else printable(error)}"
         raise FormatError(text, "needs a library that is not installed", hint=hint) from error
     except FileNotFoundError as error:
         raise FormatError(text, "does not exist") from error
@@ -181,6 +182,21 @@ def local(place: Place) -> Path:
         FormatError: a remote one cannot be had.
     """
     return fetch(os.fspath(place)) if is_remote(place) else Path(place)
+
+
+def near(place: Place) -> Path:
+    """A plan or another small file, or a copy of it with the yaml that lies beside it.
+
+    Raises:
+        FormatError: a remote one cannot be had.
+    """
+    path = local(place)
+    if is_remote(place) and not path.name.endswith((".yaml", ".yml")):
+        for suffix in (".yaml", ".yml"):
+            with contextlib.suppress(FormatError):
+                beside = local(os.fspath(place).rpartition(".")[0] + suffix)
+                path.with_suffix(suffix).write_bytes(beside.read_bytes())
+    return path
 
 
 def put(source: Path, address: str) -> None:

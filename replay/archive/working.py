@@ -17,7 +17,7 @@ from typing import Any
 
 from formats.errors import FormatError
 from replay.archive.finding import FAILED
-from replay.archive.places import RESULT, is_remote, join, local, put, remove
+from replay.archive.places import RESULT, is_remote, join, local, near, put, remove
 
 START = "from replay.archive.nursery import main; main()"
 TICK = 0.05  # s between looks at the clock and at the memory
@@ -170,7 +170,7 @@ def work(task: Task, nursery: Nursery, progress: Progress | None = None) -> Outc
         try:
             here: Task = {
                 "logs": [str(local(log)) for log in task["logs"]],
-                "files": {kind: _near(place) for kind, place in task["files"].items()},
+                "files": {kind: str(near(place)) for kind, place in task["files"].items()},
                 "output": str(Path(folder, "x" + RESULT)) if is_remote(target) else target,
             }
             if not is_remote(target):
@@ -184,22 +184,6 @@ def work(task: Task, nursery: Nursery, progress: Progress | None = None) -> Outc
             outcome = {"error": f"{target}: {error.strerror or error}", "kind": "failed"}
         _note(task, outcome, Path(folder))
     return {**outcome, "seconds": monotonic() - began}
-
-
-def _near(place: str) -> str:
-    """A plan or other file as a path; the yaml beside a remote one comes with it."""
-    if not is_remote(place):
-        return place
-    path = local(place)
-    stem = place.rsplit(".", 1)[0]
-    for suffix in (".yaml", ".yml"):
-        if not place.endswith(suffix):
-            with contextlib.suppress(FormatError):
-                beside = local(stem + suffix)
-                copy = path.with_suffix(suffix)
-                if not copy.exists():
-                    copy.write_bytes(beside.read_bytes())
-    return str(path)
 
 
 def _note(task: Task, outcome: Outcome, folder: Path) -> None:
