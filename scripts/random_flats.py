@@ -72,8 +72,16 @@ def twins(rng: Rng, wide: float, deep: float) -> list[Box]:
     return half + other
 
 
-def drawn(rng: Rng, boxes: Floats, unit: float, clutter: bool) -> tuple[Grey, float]:
-    """The drawing, `unit` m a pixel; with a frame, letters and lines of other ink."""
+def drawn(rng: Rng, boxes: Floats, unit: float, style: str) -> tuple[Grey, float]:
+    """The drawing, `unit` m a pixel, and its border in m.
+
+    Args:
+        rng: of everything that is not wall.
+        boxes: walls, m.
+        unit: m a pixel.
+        style: "plain"; "clutter" (a frame, numbers, lines); "hollow" (walls as double lines);
+            "sheet" (hollow or filled, with doors, furniture, hatching, dimensions, a title block).
+    """
     wide, deep = boxes[:, 2].max(), boxes[:, 3].max()
     border = float(rng.uniform(0.3, 2.0))
     rows, cols = int((deep + 2 * border) / unit), int((wide + 2 * border) / unit)
@@ -84,7 +92,10 @@ def drawn(rng: Rng, boxes: Floats, unit: float, clutter: bool) -> tuple[Grey, fl
             (max(round(x0), round(x1) - 1), max(round(y0), round(y1) - 1)),
         )
         cv2.rectangle(out, a, b, 0, -1)
-    if clutter:
+    if style == "hollow" or (style == "sheet" and rng.random() < 0.5):
+        inner = np.asarray(cv2.erode(255 - out, np.ones((3, 3), np.uint8)))
+        out[inner > 0] = 255
+    if style in ("clutter", "sheet"):
         cv2.rectangle(out, (2, 2), (cols - 3, rows - 3), 0, 1)
         for _ in range(int(wide * deep / 25)):
             at = (int(rng.uniform(0, cols)), int(rng.uniform(0, rows)))
@@ -92,7 +103,36 @@ def drawn(rng: Rng, boxes: Floats, unit: float, clutter: bool) -> tuple[Grey, fl
             if rng.random() < 0.4:
                 to = (at[0] + int(rng.normal(0, 2 / unit)), at[1] + int(rng.normal(0, 2 / unit)))
                 cv2.line(out, at, to, 0, 1)
+    if style == "sheet":
+        out = _sheet(rng, out, unit)
     return out, border
+
+
+def _sheet(rng: Rng, out: Grey, unit: float) -> Grey:
+    """Door swings, furniture, hatched areas, dimension lines, and a title block at the foot."""
+    rows, cols = out.shape
+    for _ in range(int(rows * cols * unit * unit / 12)):
+        x, y = int(rng.uniform(0, cols)), int(rng.uniform(0, rows))
+        size = int(rng.uniform(0.5, 1.5) / unit)
+        what = rng.integers(4)
+        if what == 0:
+            start = 90 * int(rng.integers(4))
+            cv2.ellipse(out, (x, y), (size, size), 0, start, start + 90, 0, 1)
+            cv2.line(out, (x, y), (x + size, y), 0, 1)
+        elif what == 1:
+            cv2.rectangle(out, (x, y), (x + size, y + int(size * rng.uniform(0.4, 1))), 0, 1)
+        elif what == 2:
+            for k in range(0, 2 * size, 6):
+                cv2.line(out, (x + k, y), (x + k - size, y + size), 0, 1)
+        else:
+            cv2.circle(out, (x, y), size // 3 + 1, 0, 1)
+    title = np.full((max(40, rows // 6), cols), 255, np.uint8)
+    cv2.rectangle(title, (cols // 2, 4), (cols - 4, title.shape[0] - 4), 0, 2)
+    for k in range(1, 4):
+        y = 4 + k * (title.shape[0] - 8) // 4
+        cv2.line(title, (cols // 2, y), (cols - 4, y), 0, 1)
+        cv2.putText(title, "SECOND FLOOR 1:100", (cols // 2 + 6, y - 3), 0, 0.3, 0, 1)
+    return np.vstack([out, title])
 
 
 def mapped(rng: Rng, boxes: Floats, unit: float, scans: int, bend: float) -> tuple[Grey, Floats]:
@@ -148,27 +188,57 @@ def _inside(rng: Rng, boxes: Floats, wide: float, deep: float) -> Floats:
     raise ValueError("no room for the robot")
 
 
+KINDS = ("plain", "clutter", "hollow", "sheet", "twins", "rooms", "stranger", "part")
+
+
+def rooms(rng: Rng, wide: float, deep: float) -> list[Box]:
+    """Two by two rooms that are all the same: no map of one of them has a place."""
+    room = building(rng, wide / 2, deep / 2)
+    return [
+        (x0 + i * wide / 2, y0 + j * deep / 2, x1 + i * wide / 2, y1 + j * deep / 2)
+        for i in (0, 1)
+        for j in (0, 1)
+        for x0, y0, x1, y1 in room
+    ]
+
+
 def case(seed: int) -> Case:
-    """One random case."""
+    """One random case.
+
+    Raises:
+        ValueError: there is no room for the robot.
+    """
     rng = np.random.default_rng(seed)
-    kind = str(rng.choice(["plain", "clutter", "twins", "stranger", "part"]))
+    kind = KINDS[seed % len(KINDS)]
     wide, deep = rng.uniform(9, 40), rng.uniform(7, 20)
-    make = twins if kind == "twins" else building
-    boxes = np.array(make(rng, wide, deep))
+    boxes = np.array({"twins": twins, "rooms": rooms}.get(kind, building)(rng, wide, deep))
     real = np.array(building(rng, wide, deep)) if kind == "stranger" else boxes
     unit = max(wide, deep) / rng.uniform(350, 900)
-    plan, border = drawn(rng, boxes, unit, kind == "clutter")
-    scale = float(np.exp(rng.uniform(np.log(0.55), np.log(1.9))))
-    if kind != "stranger":
+    style = kind if kind in ("clutter", "hollow", "sheet") else "plain"
+    if kind in ("stranger", "part"):
+        style = str(rng.choice(["plain", "clutter", "hollow", "sheet"]))
+    plan, border = drawn(rng, boxes, unit, style)
+    scale = float(np.exp(rng.uniform(np.log(0.5), np.log(2.0))))
+    if kind == "rooms":  # of one of them only
+        real = boxes[: len(boxes) // 4]
+    elif kind != "stranger":
         real = np.vstack([boxes[:4], boxes[4:][rng.random(len(boxes) - 4) > rng.uniform(0, 0.2)]])
     scans = int(rng.integers(2, 6)) if kind == "part" else int(rng.integers(6, 40))
     bend = float(rng.uniform(0, 0.013) * max(wide, deep))
     grey, metres = mapped(rng, real, scale * unit, scans, bend)
     matrix = metres / unit
     matrix[:, 2] += border / unit - 0.5
-    if rng.random() < 0.05:
+    if rng.random() < 0.1:
         plan = np.ascontiguousarray(plan[:, ::-1])
         matrix[0] = -matrix[0]
         matrix[0, 2] += plan.shape[1] - 1
     told = scale if rng.random() < 0.4 else None
-    return Case(kind, plan, grey, None if kind == "stranger" else matrix, told)
+    grey[grey == 205] = rng.choice([205, 127, 128])
+    if rng.random() < 0.15:
+        cv2.rectangle(grey, (1, 1), (grey.shape[1] - 2, grey.shape[0] - 2), 0, 2)
+    if rng.random() < 0.15:
+        grey = 255 - grey
+    if rng.random() < 0.15:
+        plan = 255 - plan
+    known = kind not in ("stranger", "rooms")
+    return Case(kind, plan, grey, matrix if known else None, told)

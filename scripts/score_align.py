@@ -22,15 +22,18 @@ import numpy as np
 import numpy.typing as npt
 
 from formats.errors import Notes
+from formats.frame import Pose
+from formats.ink import drawn
 from formats.output import write_image
-from formats.plan_file import open_plan
+from formats.plan_file import Plan, open_plan
 from replay.registration.overlay import overlay
-from replay.registration.register import align
+from replay.registration.register import SURE, align
 from replay.registration.seen import Seen, points_of, seen_in_map
-from scripts.random_flats import case
+from scripts.random_flats import KINDS, case
 
 ROOT = Path(__file__).resolve().parent.parent
 Doubles = npt.NDArray[np.float64]
+NEAR = 0.05  # of the map's diagonal: a place that is right
 RIGHT = 30.0  # px of Halmstad's pictures
 SIDE = 1585  # px of them
 BINS = (0.0, 0.3, 0.5, 0.7, 0.85, 0.95, 1.01)
@@ -120,27 +123,48 @@ def uji(pictures: Path | None) -> int:
 
 
 def random(first: int, last: int) -> int:
-    said, true = [], []
-    used = process_time()
+    rows: list[tuple[str, float, bool, float]] = []
     for seed in range(first, last):
         try:
             one = case(seed)
         except ValueError:  # no room for the robot
             continue
-        seen = Seen(one.map < 50, one.map > 250)
-        found = align(seen, one.plan < 128, scale=one.scale)
-        said.append(found.confidence)
-        true.append(one.matrix is not None and _off(seen, found.best.matrix, one.matrix) < 0.05)
-    said_by, right = np.array(said), np.array(true)
+        used = process_time()
+        seen = seen_in_map(as_plan("map.png", one.map))
+        found = align(seen, as_plan("plan.png", one.plan).wall, scale=one.scale)
+        used = process_time() - used
+        off = 9.0 if one.matrix is None else _off(seen, found.best.matrix, one.matrix)
+        rows.append((one.kind, found.confidence, off < NEAR, used))
+        if (off >= NEAR and found.confident) or (off >= NEAR and one.matrix is not None):
+            word = "wrong but confident" if found.confident else "not found"
+            print(f"seed {seed} {one.kind}: {word}, {found.confidence:.2f}, off {off:.2f}")
+    said, right = np.array([row[1] for row in rows]), np.array([row[2] for row in rows])
+    print(f"{'kind':<10}{'cases':>6}{'right':>7}{'confident':>11}{'wrong of them':>15}{'s':>6}")
+    for kind in KINDS:
+        some = np.array([row[0] == kind for row in rows])
+        if some.any():
+            sure = some & (said >= SURE)
+            took = median(row[3] for row in rows if row[0] == kind)
+            print(
+                f"{kind:<10}{some.sum():>6}{right[some].mean():>7.2f}{sure[some].mean():>11.2f}"
+                f"{(sure & ~right).sum():>15}{took:>6.1f}"
+            )
     print(f"{'said':>12}{'cases':>7}{'mean said':>11}{'right':>7}")
     for low, high in pairwise(BINS):
-        some = (said_by >= low) & (said_by < high)
+        some = (said >= low) & (said < high)
         if some.any():
             bounds = f"{low:.2f}-{min(high, 1.0):.2f}"
-            row = f"{bounds:>12}{some.sum():>7}{said_by[some].mean():>11.2f}"
+            row = f"{bounds:>12}{some.sum():>7}{said[some].mean():>11.2f}"
             print(f"{row}{right[some].mean():>7.2f}")
-    print(f"{len(said)} cases, {(process_time() - used) / len(said):.1f} s of CPU each")
+    brier = float(np.square(said - right).mean())
+    print(f"{len(rows)} cases, Brier score {brier:.3f}, median {median(r[3] for r in rows):.1f} s")
     return 0
+
+
+def as_plan(name: str, grey: npt.NDArray[np.uint8]) -> Plan:
+    """A plain picture, read as from a file."""
+    shown, occupancy = drawn(Path(name), grey, None, Notes())
+    return Plan(Path(name), shown, occupancy, None, Pose(0.0, 0.0, 0.0), False, {})
 
 
 def _off(seen: Seen, found: Doubles, true: Doubles) -> float:

@@ -19,34 +19,92 @@ Floats = npt.NDArray[np.float32]
 MOST_POINTS = 2500
 MOST_WALL = 12000
 WEIGHT = 0.6  # of what is confirmed against what is explained: drawings show more than walls
+THIN = 4  # px: strokes below are lines, whose two edges are one
+THICKEST = 0.025  # of the plan's longer side, that a wall may be thick
 MARGIN = 64  # px around the plan's ink, where cells may still lie near a wall
 
 
 @dataclass(frozen=True)
 class Field:
-    """Of a mask: where the nearest pixel lies and how the stroke runs there."""
+    """Of a mask: how far its pixels are, where its nearest edge is, how that runs, what it faces.
 
-    far: Floats  # (H, W) px to the nearest pixel of the mask
-    near: npt.NDArray[np.int32]  # (H, W) index of it in `at`
-    at: Floats  # (n, 2) x, y
-    normal: Floats  # (n, 2)
-    wall: Floats  # (m, 2) a sample of `at`
+    Attributes:
+        far: (H, W) px to the nearest pixel of the mask.
+        near: (H, W) index in `at` of the nearest pixel of an edge.
+        at: (n, 2) x, y of the edges' pixels: those beside a pixel that is not of the mask.
+        normal: (n, 2) unit vectors across the stroke.
+        across: (n, 2) px to the stroke's other edge; 0 where it is thin, or thicker than walls.
+        wall: (m, 2) a sample of the mask's pixels.
+    """
+
+    far: Floats
+    near: npt.NDArray[np.int32]
+    at: Floats
+    normal: Floats
+    across: Floats
+    wall: Floats
 
 
-def field_of(mask: Mask) -> Field:
-    """The field of a mask with any pixel."""
+def field_of(mask: Mask, thickest: float = 0.0) -> Field:
+    """The field of a mask with any pixel.
+
+    Args:
+        mask: (H, W).
+        thickest: px that a stroke with two edges may be thick; 0: edges are not told apart.
+    """
     empty = (~mask).astype(np.uint8)
-    far, labels = cv2.distanceTransformWithLabels(
-        empty, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
+    far = cv2.distanceTransform(empty, cv2.DIST_L2, cv2.DIST_MASK_5)
+    inner = cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=1)
+    edge = mask & (np.asarray(inner) == 0)
+    edge = edge if edge.any() else mask
+    _, labels = cv2.distanceTransformWithLabels(
+        (~edge).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
     )
-    points = points_of(mask)
+    points = points_of(edge)
     order = np.zeros(len(points) + 1, np.int32)
-    order[labels[mask]] = np.arange(len(points))
-    at = points.astype(np.float32)
+    order[labels[edge]] = np.arange(len(points))
     nx, ny = _normals(mask)
-    normal = np.column_stack((nx[mask], ny[mask])).astype(np.float32)
-    step = max(1, len(points) // MOST_WALL)
-    return Field(np.asarray(far, np.float32), order[labels], at, normal, at[::step])
+    normal = np.column_stack((nx[edge], ny[edge])).astype(np.float32)
+    across = _across(mask, points, thickest)
+    wall = points_of(mask).astype(np.float32)
+    step = max(1, len(wall) // MOST_WALL)
+    at = points.astype(np.float32)
+    return Field(np.asarray(far, np.float32), order[labels], at, normal, across, wall[::step])
+
+
+def _across(mask: Mask, at: Doubles, thickest: float) -> Floats:
+    """From each pixel of an edge to the stroke's other edge, (n, 2) px."""
+    out = np.zeros((len(at), 2), np.float32)
+    most = round(thickest)
+    if most < THIN:
+        return out
+    smooth = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), 1.5)
+    cols, rows = at.astype(np.int64).T
+    inward = np.column_stack(
+        [cv2.Sobel(smooth, cv2.CV_32F, *d)[rows, cols] for d in ((1, 0), (0, 1))]
+    )
+    size = np.hypot(*inward.T)
+    sure = size > 0.2 * float(size.max())
+    inward /= np.maximum(size, 1e-9)[:, None]
+    steps = np.arange(1, most + 2)[:, None, None] * inward + at
+    x, y = (np.rint(steps[..., i]).astype(np.int64) for i in (0, 1))
+    inside = (x >= 0) & (y >= 0) & (x < mask.shape[1]) & (y < mask.shape[0])
+    solid = inside & mask[np.where(inside, y, 0), np.where(inside, x, 0)]
+    depth = np.where(solid.all(axis=0), 0, solid.argmin(axis=0))
+    thick = sure & (depth + 1 >= THIN) & (depth < most + 1)
+    out[thick] = (depth[:, None] * inward)[thick]
+    return out
+
+
+def towards_free(free: Mask, points: Doubles) -> Doubles:
+    """(n, 2) unit vectors from occupied cells to where more is free; 0 where no side is freer."""
+    smooth = cv2.GaussianBlur(free.astype(np.float32), (0, 0), 2.0)
+    cols, rows = points.astype(np.int64).T
+    gradient = np.column_stack(
+        [cv2.Sobel(smooth, cv2.CV_32F, *d)[rows, cols] for d in ((1, 0), (0, 1))]
+    ).astype(np.float64)
+    size = np.hypot(*gradient.T)
+    return np.where((size > 0.1)[:, None], gradient / np.maximum(size, 1e-9)[:, None], 0.0)
 
 
 def _normals(mask: Mask) -> tuple[Floats, Floats]:
@@ -59,35 +117,54 @@ def _normals(mask: Mask) -> tuple[Floats, Floats]:
 
 
 @njit
+def _target(
+    point: Doubles,
+    facing: Doubles,
+    matrix: Doubles,
+    near: npt.NDArray[np.int32],
+    at: Floats,
+    across: Floats,
+) -> tuple[int, float, float]:
+    """The edge that a point belongs to, and x, y from the point to it; -1 beyond the field."""
+    u, v = point[0], point[1]
+    x = matrix[0, 0] * u + matrix[0, 1] * v + matrix[0, 2]
+    y = matrix[1, 0] * u + matrix[1, 1] * v + matrix[1, 2]
+    c, r = int(np.rint(x)), int(np.rint(y))
+    if not (0 <= r < near.shape[0] and 0 <= c < near.shape[1]):
+        return -1, 0.0, 0.0
+    k = near[r, c]
+    dx, dy = at[k, 0] - x, at[k, 1] - y
+    gx = matrix[0, 0] * facing[0] + matrix[0, 1] * facing[1]
+    gy = matrix[1, 0] * facing[0] + matrix[1, 1] * facing[1]
+    if gx * across[k, 0] + gy * across[k, 1] > 0.0:  # it was seen from the wall's other side
+        dx, dy = dx + across[k, 0], dy + across[k, 1]
+    return k, dx, dy
+
+
+@njit
 def _step(
     points: Doubles,
+    facing: Doubles,
     matrix: Doubles,
     flip: float,
-    far: Floats,
     near: npt.NDArray[np.int32],
     at: Floats,
     normal: Floats,
+    across: Floats,
     sigma: float,
 ) -> tuple[Doubles, Doubles]:
     """Normal equations (4, 4) and right side (4,) of a change of (a, b, x, y)."""
     left, right = np.zeros((4, 4)), np.zeros(4)
-    rows, cols = far.shape
     j = np.zeros(4)
     for i in range(points.shape[0]):
-        u, v = points[i, 0], points[i, 1]
-        x = matrix[0, 0] * u + matrix[0, 1] * v + matrix[0, 2]
-        y = matrix[1, 0] * u + matrix[1, 1] * v + matrix[1, 2]
-        c, r = int(np.rint(x)), int(np.rint(y))
-        if not (0 <= r < rows and 0 <= c < cols):
+        k, dx, dy = _target(points[i], facing[i], matrix, near, at, across)
+        square = dx * dx + dy * dy
+        if k < 0 or square > 16.0 * sigma * sigma:
             continue
-        d = far[r, c]
-        if d > 4.0 * sigma:
-            continue
-        k = near[r, c]
         nx, ny = normal[k, 0], normal[k, 1]
-        w = np.exp(-0.5 * (d / sigma) ** 2)
-        e = nx * (at[k, 0] - x) + ny * (at[k, 1] - y)
-        fv = flip * v
+        w = np.exp(-0.5 * square / (sigma * sigma))
+        e = nx * dx + ny * dy
+        u, fv = points[i, 0], flip * points[i, 1]
         j[0], j[1], j[2], j[3] = nx * u + ny * fv, ny * u - nx * fv, nx, ny
         for p in range(4):
             right[p] += w * j[p] * e
@@ -97,16 +174,21 @@ def _step(
 
 
 @njit
-def _near(points: Doubles, matrix: Doubles, far: Floats, sigma: float) -> float:
-    """Mean closeness of points to a mask, 0 to 1."""
+def _near(
+    points: Doubles,
+    facing: Doubles,
+    matrix: Doubles,
+    near: npt.NDArray[np.int32],
+    at: Floats,
+    across: Floats,
+    sigma: float,
+) -> float:
+    """Mean closeness of points to the edges they belong to, 0 to 1."""
     total = 0.0
-    rows, cols = far.shape
     for i in range(points.shape[0]):
-        u, v = points[i, 0], points[i, 1]
-        c = int(np.rint(matrix[0, 0] * u + matrix[0, 1] * v + matrix[0, 2]))
-        r = int(np.rint(matrix[1, 0] * u + matrix[1, 1] * v + matrix[1, 2]))
-        if 0 <= r < rows and 0 <= c < cols:
-            total += np.exp(-0.5 * (far[r, c] / sigma) ** 2)
+        k, dx, dy = _target(points[i], facing[i], matrix, near, at, across)
+        if k >= 0:
+            total += np.exp(-0.5 * (dx * dx + dy * dy) / (sigma * sigma))
     return total / points.shape[0]
 
 
@@ -177,11 +259,12 @@ class Bench:
         cols, rows = cells.max(axis=0) + 1 + MARGIN
         small = np.zeros((rows, cols), np.bool_)
         small[cells[:, 1], cells[:, 0]] = True
-        self.plan = field_of(small)
+        self.plan = field_of(small, THICKEST * max(small.shape))
         self.map = field_of(seen.occupied)
         self.known = seen.occupied | seen.free
         points = seen.points
         self.points = np.ascontiguousarray(points[:: max(1, len(points) // MOST_POINTS)])
+        self.facing = towards_free(seen.free, self.points)
         size = points.max(axis=0) - points.min(axis=0)
         self.tolerance = max(1.0, 0.006 * float(np.hypot(*size)))  # map cells
 
@@ -197,14 +280,17 @@ class Bench:
         return out
 
     def polish(
-        self, matrix: Doubles, rounds: tuple[float, ...], held: float | None = None
+        self,
+        matrix: Doubles,
+        rounds: tuple[float, ...],
+        within: tuple[float, float] = (0.0, np.inf),
     ) -> Doubles:
         """The place after some rounds, each with its multiple of the tolerance.
 
         Args:
             matrix: (2, 3) map cells -> plan pixels.
             rounds: multiples of the tolerance.
-            held: plan pixels a map cell, to be kept; None: the scale is polished too.
+            within: least and most plan pixels a map cell.
         """
         flip = -1.0 if np.linalg.det(matrix[:, :2]) < 0 else 1.0
         now = self._in(matrix)
@@ -216,13 +302,16 @@ class Bench:
         for times in rounds:
             sigma = max(0.7, times * self.tolerance * scale)
             p = self.plan
-            left, right = _step(centred, now, flip, p.far, p.near, p.at, p.normal, sigma)
+            left, right = _step(
+                centred, self.facing, now, flip, p.near, p.at, p.normal, p.across, sigma
+            )
             weak = 1e-3 * (left[2, 2] + left[3, 3] + 1.0)
             left[np.diag_indices(4)] += weak * np.array([spread, spread, 1.0, 1.0])
             a, b, x, y = np.linalg.solve(left, right)
             a, b = now[0, 0] + a, now[1, 0] + b
-            if held is not None:
-                a, b = np.array([a, b]) * held / (self.unit * np.hypot(a, b))
+            size = self.unit * float(np.hypot(a, b))
+            kept = min(max(size, within[0]), within[1]) / max(size, 1e-12)
+            a, b = kept * a, kept * b
             now = np.array([[a, -b * flip, now[0, 2] + x], [b, a * flip, now[1, 2] + y]])
         now[:, 2] -= now[:, :2] @ middle
         return self._out(now)
@@ -232,10 +321,11 @@ class Bench:
         inside = self._in(matrix)
         scale = float(np.hypot(inside[0, 0], inside[1, 0]))
         sigma = times * self.tolerance
-        explained = _near(self.points, inside, self.plan.far, max(0.7, sigma * scale))
-        back = np.linalg.inv(np.vstack([inside, [0, 0, 1]]))[:2]
-        good, count = _confirmed(
-            self.plan.wall, back, self.map.far, self.known, max(sigma, 0.7 / scale)
+        p = self.plan
+        explained = _near(
+            self.points, self.facing, inside, p.near, p.at, p.across, max(0.7, sigma * scale)
         )
+        back = np.linalg.inv(np.vstack([inside, [0, 0, 1]]))[:2]
+        good, count = _confirmed(p.wall, back, self.map.far, self.known, max(sigma, 0.7 / scale))
         share = good / count if count else 0.0
-        return Fit(matrix, explained, share, count * len(self.plan.at) / len(self.plan.wall))
+        return Fit(matrix, explained, share, count * len(p.at) / len(p.wall))

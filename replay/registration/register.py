@@ -135,26 +135,26 @@ def align(
     picked = _picked(search(seen, walls, scales, mirrors))
     bench = Bench(seen, walls)
     within = (low / 1.03, high * 1.03)
-    rough = [bench.weigh(bench.polish(c.matrix, COARSE), 2.0) for c in picked]
-    rough = sorted((f for f in rough if within[0] < f.scale < within[1]), key=lambda f: -f.score)
-    fits = [bench.weigh(bench.polish(f.matrix, FINE)) for f in _varied(rough)]
-    fits = [f for f in fits if within[0] < f.scale < within[1]]
+    rough = [bench.weigh(bench.polish(c.matrix, COARSE, within), 2.0) for c in picked]
+    rough.sort(key=lambda f: -f.score)
+    fits = [bench.weigh(bench.polish(f.matrix, FINE, within)) for f in _varied(rough)]
+    fits = [f for f in fits if f.explained > 0 and f.confirmed > 0]
     if not fits:
         raise FormatError(name, "no place on the plan fits it at all")
     known = scale if isinstance(scale, float) else None
-    best = [_sharpened(bench, fit, known) for fit in distinct(fits, seen)[: 1 + RUNNERS]]
+    best = [_sharpened(bench, fit, known, within) for fit in distinct(fits, seen)[: 1 + RUNNERS]]
     best.sort(key=_rank, reverse=True)
     places = [_place(fit.matrix @ whole_of(seen), fit) for fit in best]
     return Alignment(places, confidence([_rank(f) for f in best]), perf_counter() - started)
 
 
-def _sharpened(bench: Bench, fit: Fit, known: float | None) -> Fit:
+def _sharpened(bench: Bench, fit: Fit, known: float | None, within: tuple[float, float]) -> Fit:
     """The last rounds; with the known scale to the letter, where that fits about as well."""
     if known is not None:
-        held = bench.weigh(bench.polish(fit.matrix, HELD + SHARP, known))
+        held = bench.weigh(bench.polish(fit.matrix, HELD + SHARP, (known, known)))
         if held.score >= fit.score - BENT:
             return held
-    sharp = bench.weigh(bench.polish(fit.matrix, SHARP))
+    sharp = bench.weigh(bench.polish(fit.matrix, SHARP, within))
     return sharp if sharp.score >= fit.score - BENT else fit
 
 

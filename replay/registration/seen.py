@@ -15,6 +15,9 @@ Mask = npt.NDArray[np.bool_]
 Doubles = npt.NDArray[np.float64]
 LEAST = 50  # occupied cells, below which no place can be told
 HERE = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+BESIDE = 3  # cells from a free one, within which a surface is drawn
+FRAME, FRAME_DEPTH = 0.95, 0.02  # of each side that a frame covers; of the map, its thickness
+LARGE = 2000  # px
 BINS = 180  # of a degree, directions of walls
 
 
@@ -53,7 +56,38 @@ def seen_in_map(plan: Plan) -> Seen:
         FormatError: it shows no free space, or next to no walls.
     """
     free = plan.known & ~plan.wall
-    return _checked(Seen(plan.wall, free, HERE.copy(), plan.resolution), str(plan.path))
+    wall = unframed(plan.wall) & beside(free)
+    return _checked(Seen(wall, free, HERE.copy(), plan.resolution), str(plan.path))
+
+
+def beside(free: Mask) -> Mask:
+    """Cells within reach of a free one: others are no surface that a robot saw, but a frame."""
+    import cv2
+
+    square = np.ones((2 * BESIDE + 1, 2 * BESIDE + 1), np.uint8)
+    return np.asarray(cv2.dilate(free.astype(np.uint8), square)) > 0
+
+
+def unframed(wall: Mask) -> Mask:
+    """A map without the frame around it: a rectangle along its border that encloses all else."""
+    import cv2
+
+    rows, cols = np.flatnonzero(wall.any(axis=1)), np.flatnonzero(wall.any(axis=0))
+    if len(rows) == 0:
+        return wall
+    box = wall[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1]
+    sides = (box[0].mean(), box[-1].mean(), box[:, 0].mean(), box[:, -1].mean())
+    if min(sides) < FRAME:
+        return wall
+    depth = max(1, round(FRAME_DEPTH * max(box.shape)))
+    inner = np.zeros_like(wall)
+    inner[rows[0] + depth : rows[-1] + 1 - depth, cols[0] + depth : cols[-1] + 1 - depth] = True
+    _, labels = cv2.connectedComponents(wall.astype(np.uint8), connectivity=8)
+    frame = np.unique(labels[wall & ~inner])
+    along = np.isin(labels, frame) & wall
+    if (along & inner).any():  # the walls of the building itself
+        return wall
+    return wall & ~along
 
 
 def seen_in_log(evidence: Evidence, name: str) -> Seen:
@@ -93,7 +127,11 @@ def directions(mask: Mask) -> Doubles:
     """
     import cv2
 
-    smooth = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), 2.0)
+    image: npt.NDArray[np.float32] = mask.astype(np.float32)
+    if (factor := max(mask.shape) / LARGE) > 1.0:  # a sheet scanned fine has no more directions
+        smaller = (round(mask.shape[1] / factor), round(mask.shape[0] / factor))
+        image = np.asarray(cv2.resize(image, smaller, interpolation=cv2.INTER_AREA), np.float32)
+    smooth = cv2.GaussianBlur(image, (0, 0), 2.0)
     gx, gy = cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1)
     size = np.hypot(gx, gy)
     strong = size > 0.05 * float(size.max())

@@ -22,7 +22,7 @@ from replay.cli.align import command
 from replay.registration.placing import metres_of, pinned, placed, posed
 from replay.registration.register import Alignment, align, confidence
 from replay.registration.search import matrix_of
-from replay.registration.seen import Seen, seen_in_log, seen_in_map
+from replay.registration.seen import Seen, seen_in_log, seen_in_map, unframed
 from tests.pictures import pgm, png
 
 Array = npt.NDArray[np.float64]
@@ -365,6 +365,59 @@ def test_confidence_by_hand() -> None:
     assert confidence([0.6, 0.4, 0.1]) == pytest.approx(0.98894, abs=1e-5)
     assert confidence([0.6, 0.6]) == pytest.approx(0.14805, abs=1e-5)
     assert confidence([0.95, 0.93]) == pytest.approx(confidence([0.9, 0.88]))
+
+
+@pytest.mark.parametrize("told", [1.1, None])
+def test_thick_walls_do_not_stretch_the_scale(told: float | None) -> None:
+    """A map shows the faces of walls that a plan draws 24 px thick; a flat of 400 x 300 px."""
+    plan = np.zeros((400, 500), np.uint8)
+    cv2.rectangle(plan, (50, 50), (449, 349), 1, -1)
+    for x0, y0, x1, y1 in ((74, 74, 220, 325), (244, 74, 425, 190), (244, 214, 425, 325)):
+        cv2.rectangle(plan, (x0, y0), (x1, y1), 0, -1)
+    cv2.rectangle(plan, (221, 120), (243, 160), 0, -1)  # doors
+    cv2.rectangle(plan, (221, 250), (243, 290), 0, -1)
+    walls = plan > 0
+    inside = np.zeros_like(walls)
+    inside[74:326, 74:426] = True
+    surface = walls & (
+        np.asarray(cv2.dilate((inside & ~walls).view(np.uint8), np.ones((3, 3)))) > 0
+    )
+    matrix = matrix_of(1.1, 25.0, False)
+    matrix[:, 2] = [160.0, -90.0]
+    flags, size = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP, (480, 480)
+    occupied = cv2.warpAffine(surface.astype(np.uint8), matrix, size, flags=flags) > 0
+    free = cv2.warpAffine((inside & ~walls).astype(np.uint8), matrix, size, flags=flags) > 0
+    seen = Seen(occupied, free & ~occupied)
+    found = align(seen, walls, scale=told)
+    assert found.best.scale == pytest.approx(1.1, rel=0.0005)
+    assert off(found.best.matrix, matrix, seen) < 0.5
+
+
+def test_a_known_scale_is_not_left_while_polishing() -> None:
+    """Whatever the walls pull at, no place is lost for having drifted from the scale."""
+    walls, seen, _ = case(FLAT, 0.8, 37.0, False, (0, 0, 0.6, 0.7))
+    low, high = 0.8 / 1.04 / 1.03, 0.8 * 1.04 * 1.03
+    assert all(low <= p.scale <= high for p in align(seen, walls, scale=0.8).places)
+
+
+def test_a_frame_around_a_map_is_not_seen(tmp_path: Path) -> None:
+    walls, seen, true = case(FLAT, 0.8, 37.0, False, (0, 0, 1, 1))
+    for unknown in (205, 255):  # as a map's, and a picture without any unknown
+        grey = np.where(seen.occupied, 0, np.where(seen.free, 255, unknown)).astype(np.uint8)
+        cv2.rectangle(grey, (1, 1), (grey.shape[1] - 2, grey.shape[0] - 2), 0, 2)
+        (tmp_path / "m.png").write_bytes(png(grey))
+        again = seen_in_map(open_plan(tmp_path / "m.png", Notes()))
+        assert not again.occupied[:, :4].any()
+        assert again.occupied.sum() == pytest.approx(seen.occupied.sum(), rel=0.1)
+        found = align(again, walls)
+        assert off(found.best.matrix, true, seen) < 3.0
+
+
+def test_a_building_drawn_to_its_edges_is_no_frame() -> None:
+    walls = plan_of(FLAT)[BORDER:-BORDER, BORDER:-BORDER]
+    walls[:3] = walls[-3:] = True
+    walls[:, :3] = walls[:, -3:] = True
+    assert np.array_equal(unframed(walls), walls)
 
 
 def test_places_are_apart_and_the_likeliest_comes_first() -> None:
