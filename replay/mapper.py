@@ -19,12 +19,13 @@ class Mapper:
 
     Attributes:
         evidence: what was seen so far; unseen pages of it are not resident.
+        observe: the model at work.
     """
 
     def __init__(self, geometry: Geometry, model: str | Model = "beam", **options: Any) -> None:
         self.model = MODELS[model] if isinstance(model, str) else model
         self.evidence = Evidence.empty(geometry, self.model.levels)
-        self._observe = Observer(geometry, self.model, **options)
+        self.observe = Observer(geometry, self.model, **options)
 
     def insert(self, frame: Frame) -> Touched:
         """Count a reading whose pose is in the frame of the map.
@@ -32,4 +33,4 @@ class Mapper:
         Returns:
             the cells that it showed, each once, and at which level; valid until the next call.
         """
-        return self._observe(frame.pose, frame.scan, self.evidence.counts)
+        return self.observe(frame.pose, frame.scan, self.evidence.counts)

@@ -8,6 +8,7 @@ from time import perf_counter
 from formats.frame import Frame
 from formats.result import Maps, Step
 from replay.mapper import Mapper
+from replay.predictive import Predictor
 from replay.scoring import Scorer
 from replay.world import World
 
@@ -43,6 +44,7 @@ def steps(
     world: World,
     mapper: Mapper,
     *,
+    predictor: Predictor | None = None,
     clock: Clock | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Iterator[Step]:
@@ -53,6 +55,7 @@ def steps(
         expected: how many frames will come, as far as known.
         world: what stands before the first frame.
         mapper: counts the readings.
+        predictor: sees each frame before it is mapped.
         clock: is told where the time goes.
         progress: is told (done, expected) now and then.
     """
@@ -64,6 +67,9 @@ def steps(
     for index, frame in enumerate(frames):
         clock.lap("reading")
         frame.pose = to_plan @ frame.pose
+        if predictor is not None:
+            predictor.see(frame, mapper.evidence)
+            clock.lap("scoring")
         touched = mapper.insert(frame)
         clock.lap("mapping")
         counts = scorer.update(mapper.evidence, touched)

@@ -23,11 +23,12 @@ from formats.prior_values import read_prior_values
 from formats.result import Result
 from formats.result_file import ResultWriter
 from formats.stream import open_log, survey
-from replay import facts
+from replay import facts, measuring
 from replay.mapper import Mapper
 from replay.options import GATES, READING, WORLD, Options, among, effective, plan_values
 from replay.pipeline import Clock, steps
 from replay.posing import decide, pose, wish
+from replay.predictive import Predictor
 from replay.sensor import MODELS
 from replay.surveying.deviations import deviations
 from replay.world import build_world
@@ -49,6 +50,8 @@ def run(
     align: Source | None = None,
     prior_values: Source | None = None,
     archive: Mapping[str, Any] | None = None,
+    metrics: Sequence[str] = (),
+    intervals: bool = False,
     notes: Notes | None = None,
     progress: Callable[[int, int], None] | None = None,
     say: Callable[[str], object] = print,
@@ -69,6 +72,8 @@ def run(
             the plan is laid under the log here.
         prior_values: values of the prior that `replay tune` wrote; options go before them.
         archive: what a batch notes of this run in its result.
+        metrics: more scores of the last maps, by their names in docs/metrics.md.
+        intervals: how sure the scores are, and whether a prior's gain may be chance.
         notes: gets what was odd, skipped or lost.
         progress: is told (done, expected) scans.
         say: is told when the viewer is gone.
@@ -84,6 +89,7 @@ def run(
     notes, clock = Notes() if notes is None else notes, Clock()
     values = read_prior_values(prior_values).options() if prior_values else {}
     chosen = effective({**values, **options})
+    more = measuring.checked(metrics)
     sources = [Path(logs)] if isinstance(logs, str | PathLike) else [Path(log) for log in logs]
     if chosen["sensor"] not in MODELS:
         hint = f"there are {', '.join(MODELS)}"
@@ -188,10 +194,14 @@ def run(
             text = facts.markdown(title, said)
             viewer.show(scene_of_world(world, title, text, main, len(drive), drive.bounds))
             sinks.append(viewer)
+        predictor = None
+        if measuring.PREDICTIVE in more:
+            predictor = Predictor(world.curves, mapper.observe)
         times, counts = array("q"), array("q")
         clock.lap("reading")
         frames = drive.frames()
-        for step in steps(frames, len(drive), world, mapper, clock=clock, progress=progress):
+        told: dict[str, Any] = {"clock": clock, "progress": progress, "predictor": predictor}
+        for step in steps(frames, len(drive), world, mapper, **told):
             for sink in sinks:
                 sink.write(step)
             times.append(step.frame.time_ns)
@@ -212,10 +222,19 @@ def run(
         if world.plan is not None:
             levels = world.curves["none"].p_levels
             found["walls"] = deviations(mapper.evidence, world.kept(), levels).facts()
+        grids = {name: curve.of(mapper.evidence) for name, curve in world.curves.items()}
+        scored = world.scored
+        if chosen["region"] == "observed":
+            scored = scored & (mapper.evidence.visits() > 0)
+        if more:
+            foretold = predictor.scores() if predictor else {}
+            found["metrics"] = measuring.measured(more, grids, world.wall, scored, foretold)
+        if intervals:
+            found |= measuring.sureness((*facts.SHOWN, *more), grids, world.wall, scored)
+        clock.lap("scoring")
         writer.finish(found)
         if viewer is not None:
             viewer.report(facts.markdown(title, said, found))
-        grids = {name: curve.of(mapper.evidence) for name, curve in world.curves.items()}
     clock.lap("writing")
     table = np.array(counts, dtype=np.int64).reshape(len(times), len(world.curves), 2, 4)
     return Result(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -107,6 +108,38 @@ def table(curves: Mapping[str, Curve]) -> tuple[npt.NDArray[np.float64], npt.NDA
     return sizes, signs
 
 
+class Joined(NamedTuple):
+    """Curves as the kernels take them.
+
+    Attributes:
+        priors: (priors, cells) l0, each set once.
+        places: (curves,) which of them.
+        sizes, signs: see `table`.
+        weights: (curves, levels) the log-odds of each level.
+        paper: (curves,) by the paper's update.
+    """
+
+    priors: npt.NDArray[np.float64]
+    places: npt.NDArray[np.int64]
+    sizes: npt.NDArray[np.float64]
+    signs: npt.NDArray[np.int64]
+    weights: npt.NDArray[np.float64]
+    paper: Bools
+
+
+def joined(curves: Mapping[str, Curve]) -> Joined:
+    """Curves of one number of levels, side by side."""
+    sizes, signs = table(curves)
+    distinct = list({id(curve.prior): curve.prior for curve in curves.values()}.values())
+    places = np.array(
+        [[prior is curve.prior for prior in distinct].index(True) for curve in curves.values()]
+    )
+    priors = np.stack([prior.values.ravel() for prior in distinct])
+    weights = np.einsum("km,kml->kl", sizes, signs)
+    paper = np.array([curve.update == "paper" for curve in curves.values()])
+    return Joined(priors, places, sizes, signs, weights, paper)
+
+
 class Scorer:
     """Scores of several curves over one evidence, kept up to date reading by reading.
 
@@ -132,15 +165,7 @@ class Scorer:
         levels = {len(curve.p_levels) for curve in curves.values()}
         if not 0 < len(curves) <= MOST_CURVES or len(levels) > 1:
             raise ValueError(f"1 to {MOST_CURVES} curves with one number of levels are needed")
-        self._names, (sizes, signs) = list(curves), table(curves)
-        weights = np.einsum("km,kml->kl", sizes, signs)
-        paper = np.array([curve.update == "paper" for curve in curves.values()])
-        distinct = list({id(curve.prior): curve.prior for curve in curves.values()}.values())
-        places = np.array(
-            [[prior is curve.prior for prior in distinct].index(True) for curve in curves.values()]
-        )
-        priors = np.stack([prior.values.ravel() for prior in distinct])
-        self._terms = priors, places, sizes, signs, weights, paper
+        self._names, self._terms = list(curves), joined(curves)
         self._words = np.zeros(truth_wall.size, dtype=np.uint32)
         self._tally = np.zeros((len(curves), 2, 4), dtype=np.int64)
         seen = None if evidence is None else evidence.visits()

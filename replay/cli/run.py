@@ -147,6 +147,18 @@ METHODS = ["auto", "log", "amcl"]
     type=click.Choice(["footprint", "image", "observed"]),
     help="Where cells are scored: inside the building (default), everywhere, where seen.",
 )
+@click.option(
+    "--metric",
+    "metrics",
+    metavar="NAME",
+    multiple=True,
+    cls=TableOption,
+    table="replay.measuring:NAMES",
+    help="More scores of the last maps; may be given again:",
+)
+@click.option(
+    "--intervals", is_flag=True, help="How sure the scores are: bootstrap, and a test of the gain."
+)
 @click.option("--every", metavar="N", type=click.IntRange(1), help="Use every Nth scan.")
 @click.option(
     "--readings-per-pose",
@@ -178,7 +190,7 @@ def command(logs: tuple[Path, ...], as_json: bool, quiet: bool, **options: Any) 
     from replay.cli.progress import bar
 
     notes, aside = Notes(), partial(click.echo, err=True)
-    chosen = {name: value for name, value in options.items() if value is not None}
+    chosen = {name: value for name, value in options.items() if value not in (None, ())}
     try:
         with bar(quiet=quiet or as_json) as progress:
             result = run(list(logs), notes=notes, progress=progress, say=aside, **chosen)

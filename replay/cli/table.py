@@ -23,6 +23,7 @@ def run_report(result: Result) -> str:
             _line("map", f"{mapped}, {facts['explored']:.0%} of the scored cells observed")
         )
         lines += score_table(facts)
+        lines += metric_table(facts) + sure_table(facts)
         if "walls" in facts:
             lines.append(_line("walls", walls_line(facts["walls"]["metres"])))
     else:
@@ -55,4 +56,34 @@ def score_table(facts: dict[str, Any]) -> list[str]:
         seen, unseen = facts["observed"][curve]["f2"], facts["unobserved"][curve]["f2"]
         numbers = f"{scores['precision']:>9.2f}{scores['recall']:>8.2f}{scores['f2']:>7.2f}"
         lines.append(_line("", f"{name:<34}{numbers}{seen:>14.2f}{unseen:>15.2f}"))
+    return lines
+
+
+def metric_table(facts: dict[str, Any]) -> list[str]:
+    """The metrics that were asked for, one column each."""
+    found = facts.get("metrics", {})
+    names = list(next(iter(found.values()), {}))
+    if not names:
+        return []
+    wide = {name: max(len(name) + 2, 9) for name in names}
+    lines = [_line("metric", " " * 34 + "".join(f"{name:>{wide[name]}}" for name in names))]
+    for curve, values in found.items():
+        cells = ("-" if values[n] is None else f"{values[n]:.3f}" for n in names)
+        numbers = "".join(f"{cell:>{wide[n]}}" for n, cell in zip(names, cells, strict=True))
+        name = f"{ROWS[curve]} ({facts['sensor'][curve]})"
+        lines.append(_line("", f"{name:<34}{numbers}"))
+    return lines
+
+
+def sure_table(facts: dict[str, Any]) -> list[str]:
+    """F2 with its interval, and the gain of each prior with its own and its p."""
+    lines: list[str] = []
+    for curve, values in facts.get("intervals", {}).items():
+        low, high = values["f2"]
+        gain = facts["gain"].get(curve, {}).get("f2")
+        text = f"{ROWS[curve]:<34}F2 {low:.2f} to {high:.2f}"
+        if gain:
+            text += f", {gain['difference']:+.2f} over none ({gain['low']:+.2f} to "
+            text += f"{gain['high']:+.2f}, p {gain['p']:.2g})"
+        lines.append(_line("" if lines else "sure", text))
     return lines
