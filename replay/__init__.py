@@ -17,11 +17,13 @@ PUBLIC = {
     "rescore": "replay.archive.rescored",
     "tune": "replay.tuning.finding",
     "view": "replay.viewing.looking",
+    "paper": "replay.reproduction.reproducing",
 }
 __all__ = [
     "batch",
     "deviation",
     "export",
+    "paper",
     "plan",
     "rescore",
     "run",

@@ -24,6 +24,7 @@ VERBS = {
     "tune": "Find the prior's values that suit results, or a plan, best.",
     "view": "Look at results in Rerun: a window, a browser, a picture.",
     "simulate": "Drive a simulated robot through a plan, and write its log with the truth.",
+    "paper": "Reproduce the paper: its tables, its figures, its claims.",
     "export": "Write maps, poses and scores of a result in the formats of others.",
 }
 

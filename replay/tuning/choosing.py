@@ -15,7 +15,7 @@ from replay.prior import breaks_e13
 from replay.tuning import axes, checkpoint, picks
 from replay.tuning.cases import Case, Floats, pooled
 from replay.tuning.clusters import Clusters, cluster
-from replay.tuning.early import Course, mean_surface
+from replay.tuning.early import Course, course, mean_surface
 from replay.tuning.front import Front, exact_front, grid_front, hypervolume
 from replay.tuning.genetic import Found, Search, evolve, stalled
 from replay.tuning.objectives import OBJECTIVES, ObjectiveName
@@ -109,7 +109,7 @@ def tuned(
     lap("front")
     found = searched(OBJECTIVES[objective](together), search, resume, progress)
     lap("search")
-    courses = [source.course(value) for source, value in zip(sources, values, strict=True)]
+    courses = [course(source.moments, value) for source, value in zip(sources, values, strict=True)]
     early = mean_surface(courses, p)
     lap("early")
     points = np.concatenate([one.acceptable.points for one in fronts])

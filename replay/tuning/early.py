@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from formats.grid import Evidence
 from formats.result_file import RunFile
-from replay.tuning.cases import Floats, Ground
+from replay.tuning.cases import Case, Floats, Ground
 from replay.tuning.surfaces import Tables, Values
 
 
@@ -59,37 +59,51 @@ class Course(NamedTuple):
         return np.array([float(tables.without_prior().f2) for tables in self.tables])
 
 
-def course(
-    ground: Ground, values: Values, moments: Iterable[tuple[float, Evidence]], levels: int
-) -> Course:
-    """The tables of every moment.
+class Moment(NamedTuple):
+    """What had been seen at a time.
+
+    Attributes:
+        time: s since the start.
+        explored: share of the scored cells.
+        case: the cells with their readings.
+    """
+
+    time: float
+    explored: float
+    case: Case
+
+
+def moments(ground: Ground, seen: Iterable[tuple[float, Evidence]]) -> list[Moment]:
+    """Moments of growing evidence, the first without any reading.
 
     Args:
         ground: what does not change.
-        values: what holds beside p_wall and p_space.
-        moments: s since the start, and the evidence so far; ascending.
-        levels: of a reading.
+        seen: s since the start, and the evidence so far; ascending.
     """
-    explored, tables, times = [0.0], [], [0.0]
-    every = max(len(ground.where), 1)
-    first = True
-    for time, evidence in moments:
-        if first:
-            nothing = Evidence.empty(evidence.geometry, levels)
-            tables.append(Tables(ground.case(nothing), values))
-            first = False
-        seen = evidence.counts.reshape(levels, -1)[:, ground.where].any(axis=0)
-        explored.append(np.count_nonzero(seen) / every)
-        tables.append(Tables(ground.case(evidence), values))
-        times.append(time)
-    return Course(np.array(explored), tables, np.array(times))
+    out: list[Moment] = []
+    for time, evidence in seen:
+        if not out:
+            nothing = Evidence.empty(evidence.geometry, len(evidence.counts))
+            out.append(Moment(0.0, 0.0, ground.case(nothing)))
+        there = np.count_nonzero(evidence.visits().ravel()[ground.where])
+        out.append(Moment(time, there / max(len(ground.where), 1), ground.case(evidence)))
+    return out
 
 
-def course_of(run: RunFile, ground: Ground, values: Values) -> Course:
-    """A result's keyframes as a course."""
+def course(seen: Iterable[Moment], values: Values) -> Course:
+    """The tables of every moment under one rule and sensor."""
+    kept = list(seen)
+    return Course(
+        np.array([moment.explored for moment in kept]),
+        [Tables(moment.case, values) for moment in kept],
+        np.array([moment.time for moment in kept]),
+    )
+
+
+def moments_of(run: RunFile, ground: Ground) -> list[Moment]:
+    """A result's keyframes."""
     start = int(run.times_ns[0])
-    moments = (((time - start) / 1e9, evidence) for _, time, evidence in run.keyframes())
-    return course(ground, values, moments, run.levels)
+    return moments(ground, (((time - start) / 1e9, e) for _, time, e in run.keyframes()))
 
 
 def mean_surface(courses: Sequence[Course], p: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""The paper's simulation (section 4.2): a drawing, a robot that knows its pose, a cone that turns.
+"""The paper's simulation (section 4.2): a drawing, a robot that knows its pose, a turning sensor.
 
 The robot is a point that visits the free space; at each place its ultrasound cone looks round. A
 cell that a reading shows is told its true share of empty pixels, times 0.9: the paper's inverse
@@ -27,7 +27,7 @@ from replay.mapper import Mapper
 from replay.prior import used
 from replay.sensor import MODELS, Model
 from replay.simulator.coverage import Ground as Floor
-from replay.simulator.sensors import QUIET, Noise, Sonar, sonar_scan
+from replay.simulator.sensors import QUIET, SCANS, Lidar, Noise, Planar, Sonar
 from replay.simulator.site import Site
 from replay.tuning.cases import KINDS, MIXED, OUTSIDE, WALL, Bools, Floats, Ground, Ints, ground
 from replay.tuning.surfaces import Values
@@ -43,9 +43,11 @@ class Setup:
 
     Attributes:
         cell: map pixels along a cell's side: 3, 5 and 10 in the paper.
-        occupancy: what a reading tells of a cell: its true share, or what the cone detected.
+        occupancy: what a reading tells of a cell: its true share, or what the sensor detected.
+        model: what a reading says, by its name in MODELS; of n x n sub-samples.
         angle, reach: of the cone, rad and m.
         noise: of its range.
+        lidar: another sensor than the cone, with its own noise.
         spacing: m between the places that are visited.
         headings: readings at a place, all round.
         readings: of each heading (the paper's experiments take 3 or 1).
@@ -58,9 +60,11 @@ class Setup:
 
     cell: int = 5
     occupancy: Occupancy = "true"
+    model: str = "eq10"
     angle: float = radians(30.0)
     reach: float = 4.0
     noise: Noise = QUIET
+    lidar: Lidar | None = None
     spacing: float = 1.0
     headings: int = 12
     readings: int = 1
@@ -117,9 +121,9 @@ class Explored:
 
     @cached_property
     def model(self) -> Model:
-        """Equation 10 with a level for each number of pixels, or of sub-samples."""
+        """The model with a level for each number of pixels, or of sub-samples."""
         side = self.setup.cell if self.setup.occupancy == "true" else DETECTED
-        return replace(MODELS["eq10"], samples=side)
+        return replace(MODELS[self.setup.model], samples=side)
 
     @cached_property
     def shares(self) -> Ints:
@@ -148,15 +152,17 @@ class Explored:
         """Seconds (a reading a second) and the evidence after each place: one that grows."""
         s = self.setup
         site = Site.of(np.ascontiguousarray(self.world[::-1]), self.pixel)
-        sonar = Sonar(s.angle, 0.0, s.reach, noise=s.noise)
+        sensor: Planar = s.lidar or Sonar(s.angle, 0.0, s.reach, noise=s.noise)
+        look = SCANS[type(sensor)]
         random = np.random.default_rng(s.seed)
-        mapper = Mapper(self.geometry, replace(MODELS["eq10"], samples=DETECTED), no_return="clear")
+        sampled = replace(MODELS[s.model], samples=DETECTED)
+        mapper = Mapper(self.geometry, sampled, no_return="clear")
         time = 0.0
         for x, y in self.places():
             for heading in np.arange(s.headings) * 2.0 * pi / s.headings:
                 pose = Pose(x, y, float(heading))
                 for _ in range(s.readings):
-                    scan = sonar_scan(sonar, site, pose, random)
+                    scan = look(sensor, site, pose, random)
                     mapper.insert(Frame(round(time * 1e9), pose, scan))
                     time += 1.0
             yield time, self._told(mapper.evidence)
@@ -191,9 +197,14 @@ class Explored:
             observed_only=self.setup.region == "observed",
         )
 
-    def values(self, update: Update = "paper", prior_scale: float = 0.9) -> Values:
-        """Equation 10's own probabilities under a rule."""
-        return Values(tuple(self.model.p_levels()), update, prior_scale)
+    def values(
+        self,
+        update: Update = "paper",
+        prior_scale: float = 0.9,
+        sensor: tuple[float, float] | tuple[()] = (),
+    ) -> Values:
+        """The model's own probabilities under a rule; `sensor` is another P(occupied) pair."""
+        return Values(tuple(self.model.p_levels(*sensor)), update, prior_scale)
 
     def l0(self, values: Values, p_wall: float, p_space: float) -> Grid:
         """A prior as a grid, for pictures and for evaluation by replay."""

@@ -13,7 +13,7 @@ from formats.result_file import read_result
 from replay.drawn import PlanMethod, taken_apart
 from replay.sensor import MODELS
 from replay.tuning.cases import Case, Ground
-from replay.tuning.early import Course, course, course_of
+from replay.tuning.early import Moment, moments, moments_of
 from replay.tuning.reading import ground_of, values_of
 from replay.tuning.simulated import Explored, Setup
 from replay.tuning.surfaces import Values
@@ -30,7 +30,7 @@ class Source:
         ground: classes and truth of its cells.
         evidence: of the whole run.
         values: rule -> what holds beside p_wall and p_space.
-        course: rule's values -> the run as it went on.
+        moments: the run as it went on.
         levels: p_hit, p_miss -> P(empty) of each level of its sensor model.
         inputs: files that were read.
     """
@@ -39,7 +39,7 @@ class Source:
     ground: Ground
     evidence: Evidence
     values: Callable[[Update], Values]
-    course: Callable[[Values], Course]
+    moments: list[Moment]
     levels: Callable[[float, float], Sequence[float]]
     inputs: tuple[str, ...]
 
@@ -90,7 +90,7 @@ def open_source(
             ground,
             run.evidence(),
             lambda update: scaled(values_of(run, update, p_hit, p_miss)),
-            lambda values: course_of(run, ground, values),
+            moments_of(run, ground),
             MODELS[name].p_levels,
             (str(path),),
         )
@@ -106,7 +106,7 @@ def open_source(
         explored.ground,
         explored.evidence,
         values,
-        lambda values: course(explored.ground, values, explored.evidences(), model.levels),
+        moments(explored.ground, explored.evidences()),
         model.p_levels,
         (str(path), *([str(truth)] if truth else [])),
     )

@@ -1,0 +1,54 @@
+"""`replay paper`: the paper, made anew."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from replay.cli.values import answer
+
+
+@click.command("paper")
+@click.option(
+    "-o",
+    "--output",
+    metavar="DIR",
+    type=click.Path(path_type=Path),
+    default=Path("paper"),
+    help="Where report.html and the figures go; paper by default.",
+)
+@click.option("--only", "rows", multiple=True, metavar="ROW", help="G2 .. G8, T1, T2, X1 .. X8.")
+@click.option(
+    "--logs",
+    metavar="DIR",
+    type=click.Path(path_type=Path),
+    help="The folder of recorded logs; $REPLAY_SHARED_DATA or ../shared/data by default.",
+)
+@click.option("--force", is_flag=True, help="Replace outputs that exist.")
+@click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
+@click.option("--quiet", is_flag=True, help="No progress bar.")
+def command(
+    output: Path, rows: tuple[str, ...], logs: Path | None, force: bool, as_json: bool, quiet: bool
+) -> int:
+    """Reproduce every table and figure of Georgiou et al. (2017), and check its claims.
+
+    \b
+    Examples:
+      replay paper
+      replay paper -o out --only T1 --only T2
+
+    Takes a few minutes: five drawings at three cell sizes are explored by the paper's simulated
+    robot; recorded logs are used where they are there.
+    """
+    from replay import paper
+    from replay.cli.progress import bar
+    from replay.reproduction.reproducing import report
+
+    with bar(quiet=quiet or as_json, what="paper", unit="rows") as progress:
+        facts = paper(output, rows=rows or None, logs=logs, force=force, progress=progress)
+    if as_json:
+        answer(facts)
+    else:
+        click.echo(report(facts))
+    return 0
