@@ -94,7 +94,7 @@ def _curves(out: Section, found: Mapping[tuple[str, str], RunFile]) -> None:
     for (laser, way), kept in found.items():
         ground = ground_of(kept)
         seen = moments_of(kept, ground)
-        lines = []
+        lines: list[Line] = []
         for rule in RULES:
             one = course(seen, values_of(kept, rule, 0.9, 0.1))
             mine, none = one.f2([PAPER[0]], [PAPER[1]])[:, 0], one.without_prior()
@@ -150,7 +150,8 @@ def _amcl(out: Section, folder: Path) -> None:
         )
         kept = read_result(path)
     ground = ground_of(kept)
-    seen, lines = moments_of(kept, ground), []
+    seen = moments_of(kept, ground)
+    lines: list[Line] = []
     for rule in RULES:
         one = course(seen, values_of(kept, rule, 0.9, 0.1))
         mine, none = one.f2([PAPER[0]], [PAPER[1]])[:, 0], one.without_prior()
