@@ -247,6 +247,12 @@ def view_of(
     return View(first, last, *seen_at, bins.ravel(), bearings, np.diff(edges))
 
 
+def moved(cloud: Cloud, matrix: Floats) -> Cloud:
+    """The points of a cloud in another frame, which `matrix` (4, 4) takes them to."""
+    points = cloud.points.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+    return cloud._replace(points=points)
+
+
 def cloud_scan(
     cloud: Cloud,
     transform: Floats,

@@ -15,7 +15,8 @@ from formats.gating import gate
 from formats.log import Log
 from formats.ros import Undecodable
 from formats.scanning import scanner
-from formats.sensor import LOOK, Look, Motion
+from formats.sensing import SENSORS
+from formats.sensor import LOOK, Look, Motion, View
 from formats.track import Floats
 from formats.way import BLOCK, Rows, Swept, Way
 
@@ -112,7 +113,7 @@ class Drive:
         rank = np.full(self.total, -1, dtype=np.int64)
         rank[self.rows] = np.arange(len(self))
         waiting: dict[int, Frame | None] = {}
-        turn = 0
+        turn, blind = 0, SENSORS[topic.type].solid
         for row, (_, _, data) in enumerate(self.log.messages([topic])):
             k = int(rank[row]) if row < self.total else -1
             if k < 0:
@@ -124,6 +125,7 @@ class Drive:
                 self._lose(k, error.reason)
                 waiting[k] = None
             else:
+                blind = blind and not np.isfinite(scan.ranges).any()
                 pose = Pose(*self.poses[k].tolist())
                 waiting[k] = Frame(int(self.times_ns[k]), pose, scan)
             while turn in waiting:
@@ -131,6 +133,9 @@ class Drive:
                 turn += 1
                 if frame is not None:
                     yield frame
+        if blind and turn:
+            low, high = self.look.slab
+            self._remark(f"no return from {low:g} to {high:g} m above the floor: see --scan-height")
 
     def _remark(self, problem: str) -> None:
         if problem not in self._told:
@@ -145,8 +150,11 @@ class Drive:
             problem = f"message not readable: {why}"
             self.notes.lose(self.log.path, problem, topic=self.choice.scan.name, at=at)
 
-    def _placed(self, k: int) -> tuple[Floats, Motion | None]:
-        """Pose (4, 4) of the sensor and its motion during the sweep; worked out by blocks."""
+    def _placed(self, k: int) -> tuple[Floats, Motion | View | None]:
+        """Pose (4, 4) of the sensor and its motion during the sweep; worked out by blocks.
+
+        Of the body, and what takes points there, for clouds whose frame does not move with it.
+        """
         number, place = divmod(k, BLOCK)
         swept = self._blocks.get(number)
         if swept is None:
@@ -155,6 +163,8 @@ class Drive:
             # Scans that are out of order reach into a neighbouring block.
             self._blocks = {n: b for n, b in self._blocks.items() if abs(n - number) < 2}
             self._blocks[number] = swept
+        if swept.views is not None:
+            return swept.matrices[place], View(swept.views[place])
         if not swept.sweeps_ns[place]:
             return swept.matrices[place], None
         numbers = swept.motions[place].tolist()

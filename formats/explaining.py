@@ -50,7 +50,8 @@ def tell_choice(
     used = int((keep & way.valid).sum())
     kind, choice = scans.topic.type.rsplit("/", 1)[-1], described(way)
     chain = str(source)
-    if source.kind != "nothing" and choice.sensor_frame != source.base_frame:
+    mounted = choice.sensor_frame != source.base_frame and not way.registered
+    if source.kind != "nothing" and mounted:
         chain += f" > {choice.sensor_frame or '(unnamed)'}"
     chain += f", carried by {source.carrier}" if source.carrier else ""
     what = f"{source.topic.type.rsplit('/', 1)[-1]}, " if source.topic else ""
@@ -68,6 +69,18 @@ def tell_choice(
         track = gathered.poses[source.topic].track(tree.clock, tree.max_gap_ns)
         track.tell(notes, path, source.topic.name, "pose", tree.zero_ns)
     return replace(choice, reasons=reasons)
+
+
+def tell_frame(scans: ScanTimes, way: Way, notes: Notes, path: Path) -> None:
+    """What follows from scans in a frame that does not move with the robot."""
+    fixed = [printable(name) for name in scans.names if way.stays(name)]
+    if not fixed:
+        return
+    where = f"their frame {', '.join(fixed)} does not move with the robot"
+    if way.registered:
+        notes.info(path, f"{where}: seen from {printable(way.source.base_frame)}")
+    else:
+        notes.warn(path, f"{where}: taken as seen from its origin", topic=scans.topic.name)
 
 
 def tell_odometry(choice: Choice, notes: Notes, path: Path) -> None:

@@ -74,6 +74,11 @@ def base_of(tree: Tree, names: list[str], top: str = "", child: str = "") -> str
     line = tree.ancestors(sensor) if sensor in tree.frames else []
     if child and (child == sensor or child in line or not line):
         return child
+    if line and (sensor == top or is_map(sensor) or is_odom(sensor)):  # of what a mapper says
+        below = [f for f in tree.relatives(sensor) if sensor in tree.ancestors(f)[1:]]
+        named = by_name(below, BASES) or [f for f in below if is_base(f)]
+        moving = [f for f in below if tree.moves((tree.parents[f], f))]
+        return next(iter([*named, *moving]), child or sensor)
     if not line and is_base(sensor):
         return sensor
     if not line or (top and tree.path_between(top, sensor) is None):

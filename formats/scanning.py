@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from formats.depth import camera_remarks
+from formats.depth import camera_remarks, moved
 from formats.depth_packed import depth_image
 from formats.frame import Scan
 from formats.gathering import decoder_of
@@ -17,9 +17,9 @@ from formats.ros import is_usual, wire_of
 from formats.ros_repeats import MOST, scan_layout
 from formats.ros_wire import Payload
 from formats.sensing import FLOAT32, LEVEL, SENSORS
-from formats.sensor import LOOK, Floats, Look, Motion
+from formats.sensor import LOOK, Floats, Look, Motion, View
 
-Scanner = Callable[[Payload, Floats, Motion | None], Scan]
+Scanner = Callable[[Payload, Floats, Motion | View | None], Scan]
 LEVELLED = np.eye(4)
 
 
@@ -40,13 +40,15 @@ def scanner(
     if read is None:
         raise ValueError(f"no decoder for {topic.type}")
 
-    def any_scan(data: Payload, matrix: Floats, motion: Motion | None) -> Scan:
+    def any_scan(data: Payload, matrix: Floats, motion: Motion | View | None) -> Scan:
+        if isinstance(motion, View):
+            return scan(moved(read(data), motion.matrix), matrix, None, look)
         return scan(read(data), matrix, motion, look)
 
     if look.camera is not None:
         camera, told = look.camera, set[tuple[Any, ...]]()
 
-        def picture_scan(data: Payload, matrix: Floats, motion: Motion | None) -> Scan:
+        def picture_scan(data: Payload, matrix: Floats, motion: Motion | View | None) -> Scan:
             image = read(data)
             if isinstance(image, CompressedImage):
                 image = depth_image(image)
@@ -54,14 +56,14 @@ def scanner(
                 told.add(image[1:5])
                 for odd in camera_remarks(image, camera):
                     remark(odd)
-            return scan(image, matrix, motion, look)
+            return scan(image, matrix, None, look)
 
         return picture_scan
     if topic.type != "sensor_msgs/msg/LaserScan" or not is_usual(topic):
         return any_scan
     layouts: dict[int, tuple[Any, ...]] = {}  # by the payload's size: the first of each
 
-    def begin(data: Payload, matrix: Floats, motion: Motion | None) -> Scan:
+    def begin(data: Payload, matrix: Floats, motion: Motion | View | None) -> Scan:
         reading, wire = read(data), wire_of(topic, data)
         if wire.native and reading.angle_increment > 0 and len(layouts) < MOST:
             unpack = scan_layout(wire, data, reading.ranges.nbytes, timed=False)
@@ -69,9 +71,9 @@ def scanner(
             like = scan(reading, LEVELLED, None)
             told = like.bearings, like.widths, like.min_range, like.max_range
             layouts[len(data)] = unpack, start, shape, limits, bright, *told
-        return scan(reading, matrix, motion)
+        return any_scan(data, matrix, motion)
 
-    def level_scan(data: Payload, matrix: Floats, motion: Motion | None) -> Scan:
+    def level_scan(data: Payload, matrix: Floats, motion: Motion | View | None) -> Scan:
         layout = layouts.get(len(data))
         if layout is None:
             return begin(data, matrix, motion)

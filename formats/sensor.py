@@ -23,6 +23,12 @@ class Motion(NamedTuple):
     last: Pose
 
 
+class View(NamedTuple):
+    """What takes the points of a cloud, whose frame stays where it is, to the robot's body."""
+
+    matrix: Floats
+
+
 class Look(NamedTuple):
     """What readings alone do not say.
 

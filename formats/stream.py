@@ -32,7 +32,7 @@ from formats.depth import SLAB
 from formats.drive import Drive
 from formats.echo import ECHOES, Echo
 from formats.errors import Notes, UsageError
-from formats.explaining import tell_choice, tell_missing, tell_odometry
+from formats.explaining import tell_choice, tell_frame, tell_missing, tell_odometry
 from formats.frame import Frame, Pose
 from formats.gathering import Gathered, ScanTimes, gather
 from formats.log import Log, Topic
@@ -143,6 +143,7 @@ def survey(log: Log, notes: Notes, **options: Unpack[Options]) -> Drive:
         camera = None if info is None else gathered.cameras[info]
         look = look._replace(camera=calibration(log, scans.topic, camera))
     tell_missing(gathered, scans, way, keep, times, zero)
+    tell_frame(scans, way, notes, log.path)
     keep &= way.valid
     asked = bool(wishes.pose) and way.source.kind != "nothing"
     choice = tell_choice(gathered, scans, way, keep, reason, asked, wishes.odometry)

@@ -65,11 +65,14 @@ class Swept:
         sweeps_ns: (k,) how long each took; 0 where the poses do not cover it: then the matrix is
             of the stamp.
         motions: (k, 6) x y yaw of the first and of the last beam in the pose of the middle.
+        views: (k, 4, 4), what takes points to the body, where the sensor's frame stays where it is
+            and `matrices` are of the body.
     """
 
     matrices: Floats
     sweeps_ns: Times
     motions: Floats
+    views: Floats | None = None
 
 
 @dataclass(eq=False)
@@ -116,10 +119,27 @@ class Way:
         """
         body, mount = self.body(moments_ns), self.mount(rows)
         late = [gap._replace(bound_ns=gap.bound_ns + self.delay_ns) for gap in body.missing]
-        placed = body.matrices @ mount.matrices
+        placed = body.matrices.copy() if self.registered else body.matrices @ mount.matrices
         if is_base(self.source.base_frame):
             placed[:, 2, 3] -= body.matrices[:, 2, 3]
         return Lookup(placed, body.valid & mount.valid, late + mount.missing)
+
+    @cached_property
+    def registered(self) -> bool:
+        """Whether the scans are clouds in a frame that does not move with the robot.
+
+        Mappers publish such clouds, in the map or where odometry began: seen from the body.
+        """
+        sensor = SENSORS[self.scans.topic.type]
+        clouds = sensor.solid and sensor.forward == 0 and self.sensor_pose is None
+        return clouds and any(self.stays(name) for name in self.scans.names)
+
+    def stays(self, frame: str) -> bool:
+        """Whether a frame does not move with the robot: its body moves in it."""
+        base = self.source.base_frame
+        if frame in ("", base) or not base:
+            return False
+        return frame == self.source.map_frame or frame in self.gathered.tree.ancestors(base)[1:]
 
     def body(self, moments_ns: Times) -> Lookup:
         """The robot's body in the map frame."""
@@ -184,6 +204,9 @@ class Way:
             name, some = self.scans.names[index], np.flatnonzero(frames == index)
             if name in ("", base):  # an unnamed sensor is taken as sitting on the body
                 valid[some] = True
+            elif self.registered and name == self.source.map_frame:
+                part = self.body(self.times_ns[rows[some]])
+                found[some], valid[some] = inverse(part.matrices), part.valid
             elif not base or tree.path_between(base, name) is None:
                 what = f"transform {base or 'base_link'} <- {name}"
                 missing.append(Missing(what, Why.AFTER, 0, some))
@@ -198,7 +221,8 @@ class Way:
         start = self.times_ns[rows]
         found, motions = self.sensor(rows, start).matrices, np.zeros((len(rows), 6))
         if not sweeps_ns.any():
-            return Swept(found, sweeps_ns, motions)
+            views = self.mount(rows).matrices if self.registered else None
+            return Swept(found, sweeps_ns, motions, views)
         middle, last = (self.sensor(rows, start + ns) for ns in (sweeps_ns // 2, sweeps_ns))
         good = (sweeps_ns > 0) & middle.valid & last.valid
         back = inverse(middle.matrices[good])

@@ -10,6 +10,9 @@ the bytes alone through one buffer, and the whole file at once are printed besid
 from __future__ import annotations
 
 import argparse
+import re
+import subprocess
+import sys
 import tempfile
 from collections.abc import Callable
 from functools import partial
@@ -142,6 +145,32 @@ JOBS: dict[str, Callable[[Path], None]] = {
 }
 
 
+def peak(path: Path) -> int:
+    """The most memory in kB (VmHWM) of a process of its own that makes Scans of a log."""
+    code = (
+        "import sys; from pathlib import Path; from scripts.bench_read import our_scans; "
+        "our_scans(Path(sys.argv[1])); print(open('/proc/self/status').read())"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(path)], check=True, capture_output=True, text=True
+    )
+    found = re.search(r"VmHWM:\s+(\d+)", done.stdout)
+    assert found is not None
+    return int(found[1])
+
+
+def memory(gigabytes: float) -> None:
+    """Print the peak memory for a log and for a tenth of it."""
+    with tempfile.TemporaryDirectory() as folder:
+        for compression in ("none", "zstd"):
+            for share in (0.1, 1.0):
+                scans = round(share * gigabytes * 1e9 / MESSAGE)
+                path = Path(folder) / "long.mcap"
+                write_log(path, scans, compression)
+                size, kb = path.stat().st_size / 1e9, peak(path)
+                print(f"{compression:5}{scans:9} scans, {size:.2f} GB: VmHWM {kb / 1024:.0f} MB")
+
+
 def ratio(results: dict[str, dict[str, float]], one: str, other: str, compression: str) -> float:
     """How many times as long one job takes as another."""
     return results[one][compression] / results[other][compression]
@@ -152,7 +181,11 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scans", type=int, default=12_000)
     parser.add_argument("--rounds", type=int, default=7)
+    parser.add_argument("--memory", type=float, help="GB of a log whose peak memory is told")
     options = parser.parse_args(argv)
+    if options.memory:
+        memory(options.memory)
+        return 0
     slow: dict[str, Callable[[Path], None]] = {SUPPORT: support_scans}
     results: dict[str, dict[str, float]] = {name: {} for name in (*JOBS, *slow)}
     with tempfile.TemporaryDirectory() as folder:
