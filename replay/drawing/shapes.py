@@ -15,7 +15,7 @@ import numpy.typing as npt
 Gray = npt.NDArray[np.uint8]
 Mask = npt.NDArray[np.bool_]
 Polygon = npt.NDArray[np.float64]
-DoorKind = Literal["single", "double", "sliding", "folding", "pivot", "unknown"]
+DoorKind = Literal["single", "double", "sliding", "pocket", "folding", "unknown"]
 STEPS = 16  # chords that stand for a leaf's arc
 
 
@@ -29,6 +29,7 @@ class Door:
         swing: rad, from the shut leaf to the open one; positive turns x towards y.
         kind: what the symbol is; each leaf of a double door is a door of kind "double".
         confidence: 0 to 1, the share of the symbol that is inked.
+        depth: px, thickness of the opening where a door slides or folds: `swing` is 0 there.
     """
 
     hinge: tuple[float, float]
@@ -36,6 +37,7 @@ class Door:
     swing: float
     kind: DoorKind = "single"
     confidence: float = 1.0
+    depth: float = 0.0
 
     @property
     def width(self) -> float:
@@ -54,11 +56,26 @@ class Door:
         return atan2(self.end[1] - self.hinge[1], self.end[0] - self.hinge[0])
 
     def triangle(self) -> Polygon:
-        """hinge, end, open end: (3, 2)."""
+        """hinge, end, open end: (3, 2); of what slides or folds its opening and an apex."""
+        if self.depth:
+            ends = np.array([self.hinge, self.end])
+            return np.vstack((ends, ends.mean(axis=0) + self._across))
         return np.array([self.hinge, self.end, self.opened])
 
+    @property
+    def _across(self) -> Polygon:
+        """(2,) px: half the depth, square to the opening."""
+        x, y = self.end[0] - self.hinge[0], self.end[1] - self.hinge[1]
+        return np.array([-y, x]) * (0.5 * self.depth / hypot(x, y))
+
     def sector(self) -> Polygon:
-        """What the leaf sweeps: the hinge and points along the arc, (STEPS + 2, 2)."""
+        """What the leaf sweeps: the hinge and points along the arc, (STEPS + 2, 2).
+
+        Of a door that does not swing: its opening, (4, 2).
+        """
+        if self.depth:
+            a, b, across = np.array(self.hinge), np.array(self.end), self._across
+            return np.array([a - across, b - across, b + across, a + across])
         angles = self._shut + np.linspace(0.0, self.swing, STEPS + 1)
         arc = np.column_stack((np.cos(angles), np.sin(angles))) * self.width
         return np.vstack((np.zeros((1, 2)), arc)) + np.array(self.hinge)

@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from time import perf_counter
 
+import cv2
 import numpy as np
 
 from replay.drawing.arcs import find_arcs
 from replay.drawing.cells import Cells
 from replay.drawing.ink import Bits, Gray, binarise, faint, grown, opened, shrunk, upright
 from replay.drawing.layers import outline, sorted_ink
+from replay.drawing.openings import barred_doors, gap_doors
 from replay.drawing.shapes import Door, Drawing, Mask
 from replay.drawing.swing import Leaf, choose_doors, leaves_of, usual_width
 from replay.drawing.walls import find_walls
@@ -44,6 +46,9 @@ def structural(gray: Gray, resolution: float | None = None) -> Drawing:
     seconds["doors"] = perf_counter() - started - seconds["ink"]
     walls, layers = find_walls(ink, door)
     doors, windows = choose_doors(leaves, walls, lines, door)
+    doors += gap_doors(walls, lines, doors, windows, door)
+    bars = barred_doors(walls, lines, doors, windows, door)
+    walls, doors = walls & (1 - _sectors(bars, walls.shape)), doors + bars
     seconds["walls"] = perf_counter() - started - sum(seconds.values())
     inside = outline(walls, door)
     layers = sorted_ink(lines, walls, inside, doors, windows, layers, door)
@@ -104,6 +109,14 @@ def _by_walls(ink: Bits) -> float:
     return float(WALL_DOORS * (middle + 2))
 
 
+def _sectors(doors: list[Door], shape: tuple[int, ...]) -> Bits:
+    """What doors sweep."""
+    out = np.zeros(shape, dtype=np.uint8)
+    for one in doors:
+        cv2.fillPoly(out, [np.rint(one.sector()).astype(np.int32)], 1)
+    return out
+
+
 def _doubled(mask: Mask, shape: tuple[int, int]) -> Mask:
     """A halved mask at its first size."""
     return np.repeat(np.repeat(mask, 2, axis=0), 2, axis=1)[: shape[0], : shape[1]]
@@ -115,4 +128,5 @@ def _twice(door: Door) -> Door:
         door,
         hinge=(2 * door.hinge[0] + 0.5, 2 * door.hinge[1] + 0.5),
         end=(2 * door.end[0] + 0.5, 2 * door.end[1] + 0.5),
+        depth=2 * door.depth,
     )

@@ -18,6 +18,9 @@ EXTENT = (radians(55), radians(125))
 ALIKE = 1.25  # ratio within which widths of leaves are one usual width
 SIZES = (0.5, 1.7)  # times the usual width
 ON_WALL = 0.3  # of a leaf's width: so near to a wall hinge and end lie
+CLEAR = 0.9  # of arc and leaf is inked: then the hinge may be farther from the wall,
+OFF_WALL = 0.55  # of a leaf's width, as a pivot's or one in a frame is,
+JAMB = 0.15  # of its width: where the shut leaf's end is so near to a wall
 
 
 def along(ink: Bits, x: float, y: float, angle: float, start: float, stop: float) -> float:
@@ -99,9 +102,11 @@ def choose_doors(
         arc = one.arc
         if not door * SIZES[0] <= arc.radius <= door * SIZES[1]:
             continue
-        if _near(far, arc.x, arc.y) > ON_WALL * arc.radius:
-            continue
         ends = [_at(arc, arc.start), _at(arc, arc.start + arc.extent)]
+        clear = arc.filled > CLEAR and max(one.drawn) > CLEAR
+        clear &= min(_near(far, *end) for end in ends) < JAMB * arc.radius
+        if _near(far, arc.x, arc.y) > (OFF_WALL if clear else ON_WALL) * arc.radius:
+            continue
         on_wall = [_near(far, *end) < ON_WALL * arc.radius for end in ends]
         rank = [on_wall[k] + one.drawn[1 - k] - 0.5 * one.drawn[k] for k in (0, 1)]
         shut = int(rank[1] > rank[0])
@@ -139,7 +144,8 @@ def _pairs(doors: list[Door]) -> set[int]:
             b = doors[j]
             apart = hypot(a.end[0] - b.end[0], a.end[1] - b.end[1])
             span = hypot(a.hinge[0] - b.hinge[0], a.hinge[1] - b.hinge[1])
-            if apart < 0.25 * a.width and span > 1.6 * a.width and a.swing * b.swing < 0:
+            wide = a.width + b.width
+            if apart < 0.125 * wide and span > 0.8 * wide and a.swing * b.swing < 0:
                 out |= {i, j}
     return out
 

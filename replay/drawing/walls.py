@@ -13,6 +13,7 @@ from replay.drawing.ink import Bits, closed, grown, opened, straight
 
 SHEET = 0.75  # of the picture's sides: what reaches so far may be the sheet's border
 FRAME_INK = 0.4  # of all ink: a building has more
+LINE = 0.06  # door widths: no line is thicker
 LETTER = 0.8  # door widths: smaller lone strokes are text, dots and ticks
 COLUMN = 0.13  # door widths: a solid rectangle of that side is a column, not a letter
 THINNEST = 0.04  # door widths: a wall of 3 cm
@@ -61,10 +62,12 @@ def letters(ink: Bits, door: float) -> Bits:
     return small[labels].astype(np.uint8)
 
 
-def line_thickness(ink: Bits) -> int:
-    """The thickness in px that most of the strokes' length has."""
-    areas = np.array([float(ink.sum())] + [float(opened(ink, k).sum()) for k in range(2, 10)])
-    return 1 + int(np.argmax((areas[:-1] - areas[1:]) / np.arange(1, len(areas))))
+def line_thickness(ink: Bits, door: float) -> int:
+    """The thickness in px that most of the lines' length has; lines are at most 5 cm thick."""
+    most = min(9, max(2, round(LINE * door)))
+    areas = [float(ink.sum()), *(float(opened(ink, k).sum()) for k in range(2, most + 2))]
+    lost = np.array(areas[:-1]) - np.array(areas[1:])
+    return 1 + int(np.argmax(lost / np.arange(1, len(areas))))
 
 
 def solid_side(ink: Bits, line: int, door: float) -> int:
@@ -94,7 +97,7 @@ def find_walls(ink: Bits, door: float) -> tuple[Bits, dict[str, Bits]]:
     ink = ink & (1 - layers["title block"])
     layers["text"] = letters(ink, door)
     ink = ink & (1 - layers["text"])
-    line = line_thickness(ink)
+    line = line_thickness(ink, door)
     side = solid_side(ink, line, door)
     solid = ink & grown(opened(ink, side), 3)
     cells = Cells.of(ink, ENDLESS * door * door)
