@@ -65,8 +65,14 @@ def coloured(
     return out
 
 
-def errors(occupied: Bools, truth: Bools, scored: Bools) -> npt.NDArray[np.uint8]:
-    """Walls found, missed and false inside the scored region, coloured; (rows, cols, 4)."""
+def error_kinds(occupied: Bools, truth: Bools, scored: Bools) -> npt.NDArray[np.uint8]:
+    """Walls found (1), missed (2) and false (3) inside the scored region, else 0; (rows, cols)."""
     wall, claimed = truth & scored, occupied & scored
-    layers = ((wall & claimed, FOUND), (wall & ~claimed, MISSED), (claimed & ~wall, FALSE))
-    return coloured(truth.shape, layers)
+    kinds = np.where(wall, np.where(claimed, 1, 2), np.where(claimed, 3, 0))
+    return kinds.astype(np.uint8)
+
+
+def errors(occupied: Bools, truth: Bools, scored: Bools) -> npt.NDArray[np.uint8]:
+    """The same in colours; (rows, cols, 4)."""
+    kinds = error_kinds(occupied, truth, scored)
+    return coloured(truth.shape, [(kinds == i, c) for i, c in enumerate((FOUND, MISSED, FALSE), 1)])

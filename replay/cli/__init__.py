@@ -25,6 +25,7 @@ VERBS = {
     "view": "Look at results in Rerun: a window, a browser, a picture.",
     "simulate": "Drive a simulated robot through a plan, and write its log with the truth.",
     "paper": "Reproduce the paper: its tables, its figures, its claims.",
+    "report": "Write results as one HTML file.",
     "export": "Write maps, poses and scores of a result in the formats of others.",
 }
 

@@ -6,7 +6,7 @@ the run is: scans and scores are thinned, and maps wait for their share.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,12 +15,26 @@ import rerun as rr
 
 from formats.grid import Geometry
 from formats.result_records import ratios
-from replay.pictures import CURVE_COLOURS, CURVE_NAMES, coloured, errors, png, thinning
+from replay.pictures import (
+    CURVE_COLOURS,
+    CURVE_NAMES,
+    FALSE,
+    FOUND,
+    MISSED,
+    error_kinds,
+    thinning,
+)
 from replay.viewing.panels import METRICS
 from replay.viewing.scene import BUDGET, MAP_SHARE, Block, Keyframe, Scene, explored, strides
 from replay.viewing.shades import Shades
 
-WALLS, DOORS, WINDOWS = (60, 60, 60, 90), (86, 180, 233, 200), (0, 158, 115, 200)
+PLAN_CLASSES = (
+    ("wall of the plan", (60, 60, 60, 90)),
+    ("door of the plan", (86, 180, 233, 200)),
+    ("window of the plan", (0, 158, 115, 200)),
+)
+ERROR_CLASSES = (("found", FOUND), ("missed", MISSED), ("false", FALSE))
+SHADES_PACKED, KINDS_PACKED = 6, 16  # times smaller, about, maps are on their way
 SCAN, PATH, POSE = (213, 94, 0), (0, 158, 115), (0, 90, 50)
 Send = Callable[[Callable[[Any], None]], None]
 
@@ -75,9 +89,12 @@ class Drawing:
         self._log("plan", flip, static=True)
         for entity in ("drawing", "with_prior", "without_prior", "errors"):
             self._log(f"plan/{entity}", _placed(scene.geometry), static=True)
-        layers = ((scene.walls, WALLS), (scene.doors, DOORS), (scene.windows, WINDOWS))
-        walls = png(coloured(scene.geometry.shape, layers))
-        self._log("plan/drawing/walls", _image(walls, draw_order=-5), static=True)
+        plan = np.zeros(scene.geometry.shape, dtype=np.uint8)
+        for kind, cells in enumerate((scene.walls, scene.doors, scene.windows), 1):
+            plan[cells] = kind
+        self._log("plan/drawing", _classes(PLAN_CLASSES), static=True)
+        self._log("plan/drawing/plan", _segments(plan, draw_order=-5), static=True)
+        self._log("plan/errors", _classes(ERROR_CLASSES), static=True)
         look = {"colors": [SCAN], "radii": [0.03]}
         self._log("plan/robot/scan", rr.Points2D.from_fields(**look), static=True)
         self._log("plan/robot/pose", rr.Arrows2D.from_fields(colors=[POSE]), static=True)
@@ -200,20 +217,24 @@ class Drawing:
         self._behind = False
         self._at(*self._moment)
         scene, shades = self._scene, self._shades
-        drawn: dict[str, tuple[npt.NDArray[np.uint8], float]] = {
-            "without_prior": (shades.shades["none"], -10)
-        }
+        shown = {"without_prior": shades.shades["none"]}
         if scene.drawn:
-            drawn["with_prior"] = shades.shades[scene.main], -10
+            shown["with_prior"] = shades.shades[scene.main]
+        for entity, cells in shown.items():
+            if self._new(entity, cells.tobytes(), SHADES_PACKED):
+                self._log(f"plan/{entity}/map", _shades(cells, draw_order=-10))
         if scene.scored.any():
-            drawn["errors"] = errors(shades.occupied[scene.main], scene.truth, scene.scored), -1
-        for entity, (cells, order) in drawn.items():
-            picture = png(cells)
-            if self._pictures.get(entity) == picture:
-                continue  # nothing changed, and the viewer shows the last one
-            self._pictures[entity] = picture
-            self._sent += len(picture)
-            self._log(f"plan/{entity}/map", _image(picture, draw_order=order))
+            kinds = error_kinds(shades.occupied[scene.main], scene.truth, scene.scored)
+            if self._new("errors", kinds.tobytes(), KINDS_PACKED):
+                self._log("plan/errors/map", _segments(kinds, draw_order=-1))
+
+    def _new(self, entity: str, data: bytes, packed: int) -> bool:
+        """Whether this differs from what the viewer shows already; it counts, packed, if so."""
+        if self._pictures.get(entity) == data:
+            return False
+        self._pictures[entity] = data
+        self._sent += len(data) // packed
+        return True
 
 
 def _placed(geometry: Geometry) -> Any:
@@ -222,6 +243,20 @@ def _placed(geometry: Geometry) -> Any:
     return rr.Transform3D(translation=[geometry.x, geometry.y, 0], scale=cell)
 
 
-def _image(data: bytes, draw_order: float) -> Any:
-    """A PNG as Rerun wants it."""
-    return rr.EncodedImage(contents=data, media_type="image/png", draw_order=draw_order)
+def _classes(classes: Sequence[tuple[str, tuple[int, ...]]]) -> Any:
+    """Names and colours of the classes of cells from 1; 0 is clear."""
+    clear = rr.AnnotationInfo(0, color=(0, 0, 0, 0))
+    named = [rr.AnnotationInfo(i, name, colour) for i, (name, colour) in enumerate(classes, 1)]
+    return rr.AnnotationContext([clear, *named])
+
+
+def _shades(cells: npt.NDArray[np.uint8], draw_order: float) -> Any:
+    """Shades of cells, not as PNG: of those that change, the web viewer shows none."""
+    thin = thinning((cells.shape[0], cells.shape[1]))
+    return rr.Image(cells[::thin, ::thin], color_model="L", draw_order=draw_order)
+
+
+def _segments(cells: npt.NDArray[np.uint8], draw_order: float) -> Any:
+    """Classes of cells; clear ones let through what lies below, which a PNG does not everywhere."""
+    thin = thinning((cells.shape[0], cells.shape[1]))
+    return rr.SegmentationImage(cells[::thin, ::thin], draw_order=draw_order)

@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
 
 from formats.errors import FormatError, Notes, UsageError
 from formats.errors import Path as AnyPath
@@ -18,9 +17,10 @@ from replay.pictures import RUN_COLOURS
 from replay.viewing.drawing import Drawing
 from replay.viewing.making import events, scene_of_file
 from replay.viewing.panels import blueprint
-from replay.viewing.process import serve_web, start_viewer
+from replay.viewing.process import start_viewer
 from replay.viewing.scene import BUDGET, Block, Scene
 from replay.viewing.streams import Streams
+from replay.viewing.web import Web, serve_web
 
 MOST_RUNS = 6  # side by side; more columns cannot be read
 MAGIC = b"RRF"  # of a recording: RRF2 and its like
@@ -40,7 +40,7 @@ def view(
     force: bool = False,
     notes: Notes | None = None,
     say: Callable[[str], object] = print,
-    wait: bool = True,
+    hold: Callable[[Web], object] | None = None,
 ) -> list[Path]:
     """Look at results, without their logs, or at recordings.
 
@@ -56,7 +56,7 @@ def view(
         force: replace existing files.
         notes: takes what was odd.
         say: is told where the web viewer is, and when a viewer is gone.
-        wait: with `web`, until interrupted; False: the server is left to itself.
+        hold: called while `web` serves; None: until interrupted.
 
     Returns:
         The files that were written.
@@ -78,7 +78,7 @@ def view(
     if recordings:
         if rrd is not None or connect is not None:
             raise UsageError(recordings[0], "is a recording already", hint="open it, or --web")
-        return _show(recordings, screenshot, at, web=web, force=force, say=say, wait=wait)
+        return _show(recordings, screenshot, at, web=web, force=force, say=say, hold=hold)
     if len(paths) > MOST_RUNS:
         raise UsageError("", f"{len(paths)} results are too many side by side; {MOST_RUNS} at most")
     runs = [read_result(path, notes) for path in paths]
@@ -104,8 +104,7 @@ def view(
             _picture(target, Path(screenshot), at, force=force, say=say)
         if served is not None:
             say(f"web     {served.page}")
-            if wait:
-                _until_interrupted(served.process)
+            _hold(served, hold)
     return outputs
 
 
@@ -167,7 +166,7 @@ def _show(
     web: bool,
     force: bool,
     say: Callable[[str], object],
-    wait: bool,
+    hold: Callable[[Web], object] | None,
 ) -> list[Path]:
     """Recordings as they are."""
     if screenshot is not None:
@@ -178,8 +177,7 @@ def _show(
     if web:
         served = serve_web(recordings)
         say(f"web     {served.page}")
-        if wait:
-            _until_interrupted(served.process)
+        _hold(served, hold)
     else:
         start_viewer(recordings)
     return []
@@ -200,13 +198,16 @@ def _picture(
             say(f"viewer: {complaint}")
 
 
-def _until_interrupted(process: Any) -> None:
+def _hold(served: Web, hold: Callable[[Web], object] | None) -> None:
     try:
-        process.wait()
+        if hold is not None:
+            hold(served)
+        else:
+            served.process.wait()
     except KeyboardInterrupt:
-        pass
+        pass  # which is how one ends it
     finally:
-        process.kill()
+        served.close()
 
 
 def _found(source: Path) -> list[Path]:

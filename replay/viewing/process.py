@@ -9,26 +9,10 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
-from urllib.parse import quote
 
 from formats.errors import FormatError
 
 PATIENCE = 20.0  # s for a viewer to answer
-
-
-class Web(NamedTuple):
-    """A web viewer that is served.
-
-    Attributes:
-        page: to open in a browser.
-        address: to send recordings to.
-        process: that serves it.
-    """
-
-    page: str
-    address: str
-    process: subprocess.Popen[bytes]
 
 
 def free_port() -> int:
@@ -58,7 +42,7 @@ def start_viewer(recordings: Sequence[Path] = ()) -> str:
         hint = "give --web, --screenshot or --rrd (of run: --rrd)"
         raise FormatError("", "there is no screen for the viewer's window", hint=hint)
     port = free_port()
-    _start("--port", str(port), "--hide-welcome-screen", *(str(path) for path in recordings))
+    start("--port", str(port), "--hide-welcome-screen", *(str(path) for path in recordings))
     return f"rerun+http://127.0.0.1:{port}/proxy"
 
 
@@ -69,27 +53,13 @@ def start_unseen() -> tuple[str, subprocess.Popen[bytes]]:
         FormatError: it does not start, as without a Vulkan driver.
     """
     port = free_port()
-    process = _start("--headless", "--port", str(port), "--hide-welcome-screen")
-    _await(port, process)
+    process = start("--headless", "--port", str(port), "--hide-welcome-screen")
+    await_port(port, process)
     return f"rerun+http://127.0.0.1:{port}/proxy", process
 
 
-def serve_web(recordings: Sequence[Path] = ()) -> Web:
-    """Serves the viewer, with recordings in it, for browsers of this machine.
-
-    Raises:
-        FormatError: it does not start.
-    """
-    port, page = free_port(), free_port()
-    ports = "--port", str(port), "--web-viewer-port", str(page)
-    process = _start("--serve-web", *ports, *(str(path) for path in recordings))
-    for listening in (port, page):
-        _await(listening, process)
-    address = f"rerun+http://127.0.0.1:{port}/proxy"
-    return Web(f"http://127.0.0.1:{page}/?url={quote(address, safe='')}", address, process)
-
-
-def _start(*words: str) -> subprocess.Popen[bytes]:
+def start(*words: str) -> subprocess.Popen[bytes]:
+    """Starts the viewer's binary with some words, on the loopback interface."""
     return subprocess.Popen(
         [binary(), "--bind", "127.0.0.1", *words],
         stdin=subprocess.DEVNULL,
@@ -100,8 +70,12 @@ def _start(*words: str) -> subprocess.Popen[bytes]:
     )
 
 
-def _await(port: int, process: subprocess.Popen[bytes]) -> None:
-    """Until something listens on a port."""
+def await_port(port: int, process: subprocess.Popen[bytes]) -> None:
+    """Until something listens on a port.
+
+    Raises:
+        FormatError: the process ends, or nothing does in time.
+    """
     end = time.monotonic() + PATIENCE
     while time.monotonic() < end and process.poll() is None:
         with socket.socket() as s:

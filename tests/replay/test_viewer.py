@@ -25,6 +25,7 @@ from replay.viewing.process import start_unseen
 
 ROOT = Path(__file__).resolve().parents[2]
 SAMPLES = ROOT / "sample_logs"
+MAPS = ("with_prior", "without_prior", "errors")
 RERUN = Path(sys.executable).with_name("rerun")
 
 
@@ -72,7 +73,7 @@ def test_the_series_are_the_scores(recorded: tuple[Path, Any]) -> None:
 
 def test_maps_come_at_keyframes_and_at_the_end(recorded: tuple[Path, Any]) -> None:
     path, result = recorded
-    maps = column(path, "/plan/with_prior/map", "blob")
+    maps = column(path, "/plan/with_prior/map", "buffer")
     assert 50 < len(maps) <= 101
     assert len(maps) < result.facts["scans"]
 
@@ -145,10 +146,10 @@ def test_a_result_without_its_log_gives_what_the_run_gave(
         live = column(recorded[0], entity, "scalars")
         assert len(live) == recorded[1].facts["scans"]
         assert column(tmp_path / "again.rrd", entity, "scalars") == live
-    for entity in ("with_prior", "without_prior", "errors"):
-        live = column(recorded[0], f"/plan/{entity}/map", "blob")
-        again = column(tmp_path / "again.rrd", f"/plan/{entity}/map", "blob")
-        assert again == live
+    for entity in MAPS:
+        live = column(recorded[0], f"/plan/{entity}/map", "buffer")
+        assert len(live) > 50
+        assert column(tmp_path / "again.rrd", f"/plan/{entity}/map", "buffer") == live
     scans = column(tmp_path / "again.rrd", "/plan/robot/scan", "positions")
     live = column(recorded[0], "/plan/robot/scan", "positions")
     assert 50 < len(scans) < len(live)  # those of keyframes
@@ -178,8 +179,8 @@ def test_a_long_run_stays_within_its_budget(recorded: tuple[Path, Any], tmp_path
     view(result, rrd=tmp_path / "small.rrd", viewer_budget=budget)
     fixed = 250_000  # bytes of the layout and of what holds throughout, whatever the budget
     assert (tmp_path / "small.rrd").stat().st_size < budget * 1e6 + fixed
-    few = column(tmp_path / "small.rrd", "/plan/errors/map", "blob")
-    every = column(whole, "/plan/errors/map", "blob")
+    few = column(tmp_path / "small.rrd", "/plan/errors/map", "buffer")
+    every = column(whole, "/plan/errors/map", "buffer")
     assert 1 <= len(few) < len(every)
     assert few[-1] == every[-1]
 
