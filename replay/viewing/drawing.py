@@ -25,7 +25,7 @@ from replay.pictures import (
     thinning,
 )
 from replay.viewing.panels import METRICS
-from replay.viewing.scene import BUDGET, MAP_SHARE, Block, Keyframe, Scene, explored, strides
+from replay.viewing.scene import BATCH, BUDGET, MAP_SHARE, Block, Keyframe, Scene, explored, strides
 from replay.viewing.shades import Shades
 
 PLAN_CLASSES = (
@@ -148,12 +148,22 @@ class Drawing:
             arrows = rr.Arrows2D.columns(origins=poses[:, :2], vectors=heading)
             self._columns("plan/robot/pose", times, arrows)
         self._scans(block, seen)
-        self._at(int(block.frames[0]), int(block.times_ns[0]), float(seen[0]))
-        if len(some):
-            places = np.concatenate([self._place, block.poses[some, :2]])
-            self._place = places[-1:]
-            path = rr.LineStrips2D([places], colors=[PATH], radii=[0.02])
-            self._log(f"plan/robot/path/{block.frames[0]}", path)
+        for start in range(0, len(some), BATCH):
+            self._path(block, some[start : start + BATCH], seen)
+
+    def _path(
+        self,
+        block: Block,
+        some: npt.NDArray[np.integer[Any]],
+        seen: npt.NDArray[np.float64],
+    ) -> None:
+        """A piece of the path driven, from the moment of its first frame on."""
+        first = int(some[0])
+        self._at(int(block.frames[first]), int(block.times_ns[first]), float(seen[first]))
+        places = np.concatenate([self._place, block.poses[some, :2]])
+        self._place = places[-1:]
+        path = rr.LineStrips2D([places], colors=[PATH], radii=[0.02])
+        self._log(f"plan/robot/path/{block.frames[first]}", path)
 
     def _scans(self, block: Block, seen: npt.NDArray[np.float64]) -> None:
         """Where beams ended, of as many frames as the budget allows and as are known."""
