@@ -17,11 +17,12 @@ from formats.plan import Plan
 from formats.plan_edits import PlanEdits
 from formats.stream import PoseWish
 from replay.drawn import PlanMethod, taken_apart
-from replay.localise.localising import LOCALISERS, localise
+from replay.localise.localising import LOCALISERS, NEEDS_PLAN, localise
 from replay.localise.options import DEFAULTS as LOCALISING
 from replay.localise.poses import Poses, Times, compose
 
 METHODS = ("auto", "log", *LOCALISERS)
+
 HERE = Pose(0.0, 0.0, 0.0)
 
 
@@ -87,9 +88,9 @@ def decide(method: str, drive: Drive, plan: Plan | None, *, asked: bool) -> Deci
     Raises:
         UsageError: the method needs a plan, and there is none.
     """
-    if method == "amcl" and plan is None:
+    if method in NEEDS_PLAN and plan is None:
         hint = "give --prior PLAN, or take --poses match"
-        raise UsageError(drive.log.path, "--poses amcl needs a plan to be on", hint=hint)
+        raise UsageError(drive.log.path, f"--poses {method} needs a plan to be on", hint=hint)
     if method != "auto":
         return Decision(method, "as asked for")
     if drive.choice.in_map:
@@ -134,15 +135,16 @@ def pose(
             tell_odometry(drive.choice, notes, drive.log.path)
         return Posed(drive, "", {"poses_depend_on": "log"})
     to_map = options["plan_pose"] or HERE
-    depends = ["log", "plan", f"seed {seed}"]
+    depends = ["log", *(["plan"] if plan is not None else []), f"seed {seed}"]
     if start is not None:
         depends.append("start")
-    elif laid:
+    elif laid and drive.choice.source.kind != "nothing":
         first = Pose(*drive.poses[0].tolist()) @ drive.choice.sensor_pose.inverse()
         start = to_map.inverse() @ first
     spread = options["initial_cov"]
-    assert plan is not None
-    walls, _ = taken_apart(plan, _method(options), Notes(), edits)
+    walls = None
+    if plan is not None:
+        walls, _ = taken_apart(plan, _method(options), Notes(), edits)
     found = localise(
         drive,
         walls,
@@ -154,7 +156,8 @@ def pose(
         **{name: options[name] for name in LOCALISING},
     )
     moved = compose(np.repeat([to_map], len(drive), axis=0), found.poses)
-    line = f"{decision.method} on the plan ({decision.why}), {ending(found)}"
+    where = "on the plan" if plan is not None else "without a plan"
+    line = f"{decision.method} {where} ({decision.why}), {ending(found)}"
     source = replace(drive.choice.source, map_frame="map")
     choice = replace(
         drive.choice, source=source, reasons=[*drive.choice.reasons[:-1], _odometry(drive)]

@@ -136,7 +136,7 @@ def run(
         drive = survey(log, notes, poses=wish(chosen["poses"]), **whole)
         decision = decide(chosen["poses"], drive, plan, asked=bool(chosen["pose"]))
         laid = align is not None or chosen["plan_pose"] is not None
-        if plan and not (plan.placed or laid) and chosen["poses"] == "amcl":
+        if plan and not (plan.placed or laid) and wish(chosen["poses"]) == "odometry":
             plan = replace(plan, placed=True)  # its lower left corner is the map's origin
         elif plan and (align or not (plan.placed or laid)):
             from replay.placing import located

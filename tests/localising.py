@@ -31,6 +31,23 @@ OFFICE = """
 """
 """8 x 3.75 m at 0.25 m a character; no two places look the same."""
 TOUR = [(1.0, 2.8), (1.3, 2.5), (3.0, 2.6), (4.2, 3.2), (4.9, 2.4), (5.5, 2.2), (6.6, 2.3)]
+WIDE = 0.5  # m a character, for robots that must not touch walls
+ROUND = [
+    (0.5 * x, 0.5 * y)
+    for x, y in (
+        (4.5, 10.5),
+        (8.5, 10.5),
+        (12.0, 10.5),
+        (12.0, 5.5),
+        (5.0, 5.5),
+        (5.0, 9.5),
+        (8.5, 10.5),
+        (17.0, 10.5),
+        (17.0, 8.5),
+        (24.0, 8.5),
+    )
+]
+"""Through its doors, once around and on: 25 m."""
 MOUNT = Pose(0.1, 0.02, 0.3)
 FAR = 12.0
 
@@ -86,14 +103,19 @@ def drifting(truth: list[Pose], seed: int = 0, noise: float = 0.1) -> list[Pose]
 
 
 def drive(
-    text: str, truth: list[Pose], odometry: list[Pose], beams: int = 90, seed: int = 0
+    text: str,
+    truth: list[Pose],
+    odometry: list[Pose],
+    beams: int = 90,
+    seed: int = 0,
+    cell: float = CELL,
 ) -> Iterator[Sighting]:
     """What the robot saw: 270 degrees, 2 cm of noise, one beam in ten too short (people)."""
     rng, wall = np.random.default_rng(seed + 100), walls(text)
     bearings = np.linspace(-0.75 * pi, 0.75 * pi, beams)
     widths = np.full(beams, 1.5 * pi / beams)
     for k, (pose, said) in enumerate(zip(truth, odometry, strict=True)):
-        found = ranges(wall, pose @ MOUNT, bearings) + 0.02 * rng.standard_normal(beams)
+        found = ranges(wall, pose @ MOUNT, bearings, cell) + 0.02 * rng.standard_normal(beams)
         found = np.where(rng.random(beams) < 0.1, found * rng.random(beams), found)
         scan = Scan(bearings, widths, found.astype(np.float32), 0.05, FAR)
         yield Sighting(k * 100_000_000, said, scan, MOUNT)

@@ -24,7 +24,7 @@ from replay.cli.values import (
     say,
 )
 
-METHODS = ["auto", "log", "amcl"]
+METHODS = ["auto", "log", "amcl", "match", "fastslam"]
 
 
 @click.command("run")

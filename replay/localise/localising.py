@@ -1,8 +1,9 @@
-"""localise(): a drive with odometry and a plan in, poses on the plan out."""
+"""localise(): a drive and a plan in, poses out."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from typing import Unpack
 
 import numpy as np
@@ -15,16 +16,23 @@ from replay.localise.estimate import Estimate
 from replay.localise.field import Field, build_field
 from replay.localise.options import DEFAULTS, Options
 from replay.localise.poses import Poses, carried, compose, inverse
-from replay.localise.tracking import Sighting, Track, amcl
+from replay.localise.slam import fastslam, match_scans
+from replay.localise.tracking import Sighting, Track, on_plan
 
-Localiser = Callable[[Iterable[Sighting], Field, Estimate | None, int, Options], Track]
-LOCALISERS: dict[str, Localiser] = {"amcl": amcl}
-"""--poses -> how: sightings on a plan's field to a track."""
+Localiser = Callable[[Iterable[Sighting], Field | None, Estimate | None, int, Options], Track]
+LOCALISERS: dict[str, Localiser] = {
+    "amcl": on_plan,
+    "match": match_scans,
+    "fastslam": fastslam,
+}
+"""--poses -> how: sightings, and the plan's field where there is a plan, to a track."""
+NEEDS_PLAN = ("amcl",)
+HERE = Pose(0.0, 0.0, 0.0)
 
 
 def localise(
     drive: Drive,
-    plan: Plan,
+    plan: Plan | None,
     *,
     method: str = "amcl",
     start: Pose | None = None,
@@ -33,11 +41,15 @@ def localise(
     notes: Notes | None = None,
     **options: Unpack[Options],
 ) -> Poses:
-    """Find the sensor's poses on a plan, from the odometry and the scans of a drive.
+    """Find the sensor's poses, from the scans of a drive and its odometry where it has one.
+
+    What needs odometry, where the drive has none, gets that of scan matching. What maps from a
+    start on the plan, where none is given, starts where AMCL finds the robot.
 
     Args:
         drive: its poses are taken as odometry: only the way from one to the next counts.
-        plan: its resolution must be known; it need not be placed.
+        plan: its resolution must be known; it need not be placed. None: the map starts empty, in
+            the frame of the odometry.
         method: a name in LOCALISERS.
         start: first pose of the body in the frame of the plan's yaml; None: anywhere on the plan.
         covariance: (3, 3) of `start`; nav2_amcl's 0.25 m², 0.25 m², (pi / 12)² where None.
@@ -46,50 +58,86 @@ def localise(
         options: see Options.
 
     Raises:
-        UsageError: no such method or option, or the plan's resolution is not known.
+        UsageError: no such method or option, no plan where the method needs one, or the plan's
+            resolution is not known.
         FormatError: the plan has no free space; no scan was readable.
     """
     notes = Notes() if notes is None else notes
     if method not in LOCALISERS:
         raise UsageError(method, "no such localiser", hint=f"there are {', '.join(LOCALISERS)}")
+    if method in NEEDS_PLAN and plan is None:
+        raise UsageError(method, "there is no plan to be on", hint="take match")
     chosen: Options = {**DEFAULTS, **options}
-    field = build_field(plan, notes)
-    mount = np.array([drive.choice.sensor_pose])
-    odometry = compose(drive.poses, np.repeat(inverse(mount), len(drive), axis=0))
+    ground, frame = (build_field(plan, notes), plan.frame) if plan is not None else (None, HERE)
+    mount = np.repeat([drive.choice.sensor_pose], len(drive), axis=0)
+    odometry: Floats | None = compose(drive.poses, inverse(mount))
+    if drive.choice.source.kind == "nothing":
+        odometry = None
     begin = None
     if start is not None:
         spread = np.diag([0.25, 0.25, (np.pi / 12) ** 2]) if covariance is None else covariance
-        begin = _turned(plan.frame.inverse(), start, spread)
-    track = LOCALISERS[method](_sightings(drive, odometry), field, begin, seed, chosen)
-    if not track.times_ns.size:
-        raise FormatError(drive.log.path, "no scan is readable", topic=drive.choice.scan.name)
+        begin = _turned(frame.inverse(), start, spread)
+    lost = ground is not None and begin is None
+    if odometry is None and (method != "match" or lost):
+        odometry = _body(drive, None, match_scans(_Sightings(drive, None), None, None, 0, chosen))
+    if method != "amcl" and lost:
+        found = on_plan(_Sightings(drive, odometry), ground, None, seed, chosen)
+        _tell(drive, notes, "amcl, which finds the start,", found)
+        if len(found.times_ns):
+            at = min(found.settled, len(found.times_ns) - 1)
+            begin = Estimate(Pose(*found.poses[0].tolist()), found.covariances[at])
+    track = LOCALISERS[method](_Sightings(drive, odometry), ground, begin, seed, chosen)
+    body = _body(drive, odometry, track)
+    _tell(drive, notes, method, track)
     rows = np.searchsorted(drive.times_ns, track.times_ns)
-    body = carried(drive.times_ns, odometry, rows, track.poses)
-    m, turn = len(drive), np.array([plan.frame])
-    sensor = compose(np.repeat(turn, m, axis=0), compose(body, np.repeat(mount, m, axis=0)))
+    m, k = len(drive), track.settled
+    sensor = compose(np.repeat([frame], m, axis=0), compose(body, mount))
     last = np.maximum(np.searchsorted(rows, np.arange(m), side="right") - 1, 0)
-    spun = np.array([_turned(plan.frame, plan.frame, c).covariance for c in track.covariances])
-    k = track.settled
+    spun = np.array([_turned(frame, frame, c).covariance for c in track.covariances])
     row = int(rows[k]) if k < len(rows) else m
-    _tell(drive, notes, method, row)
     return Poses(drive.times_ns, sensor, spun[last], rows, track.particles, row, method)
 
 
-def _tell(drive: Drive, notes: Notes, method: str, row: int) -> None:
+def _body(drive: Drive, odometry: Floats | None, track: Track) -> Floats:
+    """(m, 3) of the body at every frame.
+
+    Raises:
+        FormatError: no scan was readable.
+    """
+    if not track.times_ns.size:
+        raise FormatError(drive.log.path, "no scan is readable", topic=drive.choice.scan.name)
+    rows = np.searchsorted(drive.times_ns, track.times_ns)
+    still = np.zeros((len(drive), 3))
+    return carried(drive.times_ns, still if odometry is None else odometry, rows, track.poses)
+
+
+def _tell(drive: Drive, notes: Notes, method: str, track: Track) -> None:
     path = drive.log.path
-    if row < len(drive):
-        seconds = (int(drive.times_ns[row]) - int(drive.times_ns[0])) / 1e9
-        notes.info(path, f"poses from {method} on the plan, certain after {seconds:.1f} s")
+    if track.settled < len(track.times_ns):
+        seconds = (int(track.times_ns[track.settled]) - int(drive.times_ns[0])) / 1e9
+        notes.info(path, f"poses from {method}, certain after {seconds:.1f} s")
     else:
         notes.warn(path, f"{method} never was certain of the pose; the map may be wrong")
 
 
-def _sightings(drive: Drive, odometry: Floats) -> Iterator[Sighting]:
-    """The drive's scans with the odometry of the body; unreadable scans are left out."""
-    for frame in drive.frames():
-        row = int(np.searchsorted(drive.times_ns, frame.time_ns))
-        pose = Pose(*odometry[row].tolist())
-        yield Sighting(frame.time_ns, pose, frame.scan, drive.choice.sensor_pose)
+@dataclass(frozen=True, eq=False)
+class _Sightings:
+    """The drive's scans with the odometry of the body, as often as they are asked for.
+
+    Unreadable scans are left out.
+    """
+
+    drive: Drive
+    odometry: Floats | None
+
+    def __iter__(self) -> Iterator[Sighting]:
+        drive = self.drive
+        for frame in drive.frames():
+            pose = None
+            if self.odometry is not None:
+                row = int(np.searchsorted(drive.times_ns, frame.time_ns))
+                pose = Pose(*self.odometry[row].tolist())
+            yield Sighting(frame.time_ns, pose, frame.scan, drive.choice.sensor_pose)
 
 
 def _turned(by: Pose, pose: Pose, covariance: Floats) -> Estimate:

@@ -24,6 +24,10 @@ class Options(TypedDict, total=False):
         min_particles, max_particles, pf_err, pf_z, resample_interval: see amcl.Parameters.
         recovery_alpha_slow, recovery_alpha_fast: likewise.
         global_particles, effective_beams: likewise; not in nav2.
+        match_beams: of each scan, of scan matching and FastSLAM.
+        match_window, match_angle: m and rad to each side of a guess that scan matching searches
+            at least.
+        particles: of FastSLAM, as GMapping has it.
     """
 
     laser_model_type: LaserModel
@@ -52,6 +56,10 @@ class Options(TypedDict, total=False):
     recovery_alpha_fast: float
     global_particles: int
     effective_beams: float
+    match_beams: int
+    match_window: float
+    match_angle: float
+    particles: int
 
 
 DEFAULTS: Options = {
@@ -81,6 +89,10 @@ DEFAULTS: Options = {
     "recovery_alpha_fast": 0.0,
     "global_particles": 100_000,
     "effective_beams": 8.0,
+    "match_beams": 180,
+    "match_window": 0.3,
+    "match_angle": 0.35,
+    "particles": 50,
 }
 # Least and most of each.
 RANGES: dict[str, tuple[float, float]] = {
@@ -109,4 +121,8 @@ RANGES: dict[str, tuple[float, float]] = {
     "recovery_alpha_fast": (0.0, 1.0),
     "global_particles": (1, 10_000_000),
     "effective_beams": (1e-9, 1e6),
+    "match_beams": (1, 1e6),
+    "match_window": (0.0, 10.0),
+    "match_angle": (0.0, 3.2),
+    "particles": (1, 10_000),
 }

@@ -26,13 +26,13 @@ class Sighting(NamedTuple):
 
     Attributes:
         time_ns: of the scan.
-        odometry: pose of the body in the frame of the odometry.
+        odometry: pose of the body in the frame of the odometry; None where there is none.
         scan: the reading.
         mount: pose of the sensor on the body.
     """
 
     time_ns: int
-    odometry: Pose
+    odometry: Pose | None
     scan: Scan
     mount: Pose
 
@@ -66,6 +66,19 @@ class Used(NamedTuple):
     time_ns: int
     odometry: Pose
     reading: Reading
+
+
+def on_plan(
+    sightings: Iterable[Sighting],
+    ground: Field | None,
+    start: Estimate | None,
+    seed: int,
+    options: Options,
+) -> Track:
+    """`amcl` as the table of localisers has it: where there is a plan."""
+    if ground is None:
+        raise ValueError("AMCL needs a plan")
+    return amcl(sightings, ground, start, seed, options)
 
 
 def amcl(
@@ -108,11 +121,10 @@ def gated(sightings: Iterable[Sighting], options: Options) -> Iterator[Used]:
     """The first sighting, and those after the body has moved by update_min_d or update_min_a."""
     last: Pose | None = None
     for time_ns, odometry, scan, mount in sightings:
-        if last is not None:
-            far = hypot(odometry.x - last.x, odometry.y - last.y)
-            turned = abs(wrapped(odometry.yaw - last.yaw))
-            if far < options["update_min_d"] and turned < options["update_min_a"]:
-                continue
+        if odometry is None:
+            raise ValueError("the motion model needs odometry")
+        if last is not None and not moved_on(last, odometry, options):
+            continue
         reading = pick(
             scan,
             mount,
@@ -122,6 +134,13 @@ def gated(sightings: Iterable[Sighting], options: Options) -> Iterator[Used]:
         )
         last = odometry
         yield Used(time_ns, odometry, reading)
+
+
+def moved_on(last: Pose, now: Pose, options: Options) -> bool:
+    """Whether it is time for the next update: by update_min_d or by update_min_a."""
+    far = hypot(now.x - last.x, now.y - last.y)
+    turned = abs(wrapped(now.yaw - last.yaw))
+    return far >= options["update_min_d"] or turned >= options["update_min_a"]
 
 
 def sensor_model(field: Field, options: Options) -> Model:

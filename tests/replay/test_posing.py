@@ -16,20 +16,21 @@ from formats.frame import Floats, Pose
 from formats.result import Result
 from formats.result_file import read_result
 from replay.running import run
-from tests.localising import CELL, MOUNT, OFFICE, TOUR, drifting, drive, way
+from tests.localising import CELL, MOUNT, OFFICE, ROUND, TOUR, WIDE, drifting, drive, way
 from tests.ros_logs import RosLog
 from tests.worlds import world_png
 
 ORIGIN = Pose(12.0, -7.0, 0.4)  # of the picture's corner, in the yaml's frame
 TRUTH = way(TOUR)
+AROUND = way(ROUND)[:150]
 
 
-def log_of(truth: list[Pose], frames: Iterable[str] = ("odom",)) -> RosLog:
+def log_of(truth: list[Pose], frames: Iterable[str] = ("odom",), cell: float = CELL) -> RosLog:
     """Odometry, or more, in tf, and a lidar of 270 degrees on its mounting."""
     log = RosLog()
     log.static("base_link", "laser", tuple(MOUNT))
     said = drifting(truth)
-    for k, sighting in enumerate(drive(OFFICE, truth, said)):
+    for k, sighting in enumerate(drive(OFFICE, truth, said, cell=cell)):
         if "odom" in frames:
             log.tf(k / 10, "odom", "base_link", tuple(said[k]))
         if "map" in frames:
@@ -48,8 +49,18 @@ def log_of(truth: list[Pose], frames: Iterable[str] = ("odom",)) -> RosLog:
 @pytest.fixture
 def plan(tmp_path: Path) -> Path:
     """The office, placed by a yaml beside it."""
+    return placed(tmp_path, CELL)
+
+
+@pytest.fixture
+def wide(tmp_path: Path) -> Path:
+    """Twice as large, where the tour around touches no wall."""
+    return placed(tmp_path, WIDE)
+
+
+def placed(tmp_path: Path, cell: float) -> Path:
     x, y, yaw = ORIGIN
-    text = f"image: plan.png\nresolution: {CELL}\norigin: [{x}, {y}, {yaw}]\nnegate: 0\n"
+    text = f"image: plan.png\nresolution: {cell}\norigin: [{x}, {y}, {yaw}]\nnegate: 0\n"
     (tmp_path / "plan.yaml").write_text(
         text + "occupied_thresh: 0.65\nfree_thresh: 0.196\n", encoding="utf-8"
     )
@@ -148,6 +159,43 @@ def test_the_covariance_is_in_the_result(tmp_path: Path, plan: Path) -> None:
     assert not spread[:, 2:5].any()  # in the plane
     poses = read_result(tmp_path / "x.replay.mcap", Notes()).poses
     assert [m.pose.pose.position.x for m in messages] == pytest.approx(poses[:, 0].tolist())
+
+
+def test_scans_alone_are_an_error_that_names_the_way_out(tmp_path: Path, plan: Path) -> None:
+    with pytest.raises(FormatError, match=r"no pose source.*try --poses match"):
+        mapped(tmp_path, log_of(TRUTH[:5], ()), plan)
+
+
+def test_scans_alone_are_localised_on_a_plan(tmp_path: Path, wide: Path) -> None:
+    """Scan matching is amcl's odometry."""
+    found = mapped(tmp_path, log_of(AROUND, (), WIDE), wide, poses="amcl", seed=1)
+    assert any("no odometry" in line for line in found.facts["said"]["log"])
+    places, _ = errors(tmp_path / "x.replay.mcap", AROUND)
+    assert np.sqrt(np.mean(places**2)) < 0.12
+
+
+@pytest.mark.parametrize("method", ["match", "fastslam"])
+def test_mapping_from_a_start_on_the_plan(tmp_path: Path, wide: Path, method: str) -> None:
+    """Where none is given, amcl finds it."""
+    log = log_of(AROUND, cell=WIDE)
+    for start in (ORIGIN @ AROUND[0], None):
+        found = mapped(tmp_path, log, wide, poses=method, initial_pose=start, particles=10, seed=1)
+        assert found.facts["poses"].startswith(f"{method} on the plan (as asked for)")
+        places, _ = errors(tmp_path / "x.replay.mcap", AROUND)
+        assert np.sqrt(np.mean(places**2)) < 0.08
+
+
+@pytest.mark.parametrize("method", ["match", "fastslam"])
+def test_mapping_without_a_plan(tmp_path: Path, method: str) -> None:
+    log = log_of(AROUND, () if method == "match" else ("odom",), WIDE)
+    found = mapped(tmp_path, log, None, poses=method, particles=10)
+    assert found.facts["poses"].startswith(f"{method} without a plan (as asked for)")
+    assert found.facts["poses_depend_on"] == "log, seed 0"
+    poses = read_result(tmp_path / "x.replay.mcap", Notes()).poses
+    first = Pose(*poses[0].tolist())
+    end = AROUND[0] @ MOUNT @ first.inverse() @ Pose(*poses[-1].tolist())
+    wanted = AROUND[-1] @ MOUNT
+    assert np.hypot(end.x - wanted.x, end.y - wanted.y) < 0.2
 
 
 @pytest.mark.parametrize(

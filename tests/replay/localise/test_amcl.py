@@ -188,6 +188,7 @@ def test_resampling_now_and_then_keeps_the_weights(office: Field) -> None:
     filtering = Amcl(office, model, Parameters(resample_interval=2), start=start)
     kept = []
     for sighting in chain(drive(OFFICE, truth, truth)):
+        assert sighting.odometry is not None
         filtering.update(sighting.odometry, pick(sighting.scan, MOUNT, 30))
         kept.append(float(np.ptp(filtering.weights)))
     assert all(spread > 0 for spread in kept[::2])
