@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
+from formats.candidates import listing, peers
 from formats.clock import Clock
 from formats.errors import FormatError, UsageError, printable
 from formats.frame import Pose
-from formats.gathering import POSE_TYPES, TF_TYPES, Gathered, ScanTimes, decoder_of
-from formats.log import Log, Topic
-from formats.pictures_of_depth import depth_topics
+from formats.gathering import POSE_TYPES, TF_TYPES, Gathered, ScanTimes
+from formats.log import Topic
 from formats.poses import KINDS, Source, base_of, fixed_frames, kind_of, odom_frames
 from formats.sensing import SENSORS
 from formats.tf import plain
 from formats.track import MAX_GAP_NS
 from formats.way import Way, flat
 
-FEW = 0.1  # a topic with less than this share of another's messages is not its peer
+SAME = 1e-3  # m, rad; poses that differ by less are the same
 ENOUGH = 0.5  # a source that reaches this share of the scans is taken before looking further
 
 
@@ -77,91 +78,6 @@ class Wishes:
     pose_delay_ns: int = 0
     max_gap_ns: int = MAX_GAP_NS
     odometry: bool = False
-
-
-def listing(topics: list[Topic]) -> str:
-    """Topics with their types and counts, for an error's line."""
-    return ", ".join(
-        f"{printable(t.name)} ({t.type.rsplit('/', 1)[-1]}"
-        f"{'' if t.count is None else f' x{t.count}'})"
-        for t in topics
-    )
-
-
-def named(topics: list[Topic], name: str) -> list[Topic]:
-    """The topics of a name, with or without the leading slash."""
-    return [t for t in topics if t.name == name] or [
-        t for t in topics if t.name.lstrip("/") == name.lstrip("/")
-    ]
-
-
-def scan_topics(log: Log, wish: str = "") -> list[Topic]:
-    """Topics that may be the scan: of the best kind of sensor, and not with few messages only.
-
-    Raises:
-        UsageError: the wished topic is not there or is not a scan.
-        FormatError: there is none.
-    """
-    topics = log.topics()
-    readable = [t for t in topics if t.type in SENSORS and decoder_of(t) is not None]
-    if wish:
-        if found := _one_encoding(log, named(readable, wish)):
-            return found[:1]
-        other = named(topics, wish)
-        problem = f"{other[0].type} is not a scan" if other else "no such topic"
-        hint = f"scans here: {listing(readable) or 'none'}"
-        raise UsageError(log.path, problem, topic=wish, hint=hint)
-    readable, colour = [t for t in readable if t.count != 0], ""
-    for rank in sorted({SENSORS[t.type].rank for t in readable}):
-        best, why = depth_topics(log, [t for t in readable if SENSORS[t.type].rank == rank])
-        if best:
-            return _one_encoding(log, _peers(best))
-        colour = colour or why
-    if not any(t.count != 0 for t in topics):
-        raise FormatError(log.path, "no messages")
-    kinds = ", ".join(dict.fromkeys(re.split("[/.]", name)[-1] for name in SENSORS))
-    strange = [t for t in topics if t.type in SENSORS and decoder_of(t) is None]
-    hint = colour or "record a topic of one of these types"
-    if strange and not colour:
-        told = ", ".join(f"{printable(t.name)} as {printable(t.encoding)}" for t in strange)
-        hint = f"{told} cannot be decoded: record cdr, ros1 or json"
-    raise FormatError(log.path, f"no scans: looked for {kinds}; found {listing(topics)}", hint=hint)
-
-
-def _one_encoding(log: Log, topics: list[Topic]) -> list[Topic]:
-    """The topics; several logs may say the same in other encodings, of which none is all."""
-    for topic in topics:
-        alike = [t for t in topics if (t.name, t.type) == (topic.name, topic.type)]
-        if len(alike) > 1:
-            encodings = " and ".join(printable(t.encoding) for t in alike)
-            problem = f"is recorded as {encodings}, by several logs"
-            raise UsageError(log.path, problem, topic=topic.name, hint="run these one by one")
-    return topics
-
-
-def _peers(topics: list[Topic]) -> list[Topic]:
-    most = max((t.count or 0 for t in topics), default=0)
-    return [t for t in topics if t.count is None or t.count >= FEW * most]
-
-
-def pose_topics(log: Log, wish: str = "") -> list[Topic]:
-    """Topics that may tell poses.
-
-    Raises:
-        UsageError: the wished topic is not there or has no poses.
-    """
-    topics = log.topics()
-    found = [t for t in topics if t.type in POSE_TYPES and decoder_of(t) is not None]
-    if not wish:
-        return [t for t in found if t.count != 0]
-    if wish in ("tf", "none"):
-        return []
-    if not (wished := named(found, wish)):
-        other = named(topics, wish)
-        problem = f"{other[0].type} has no poses" if other else "no such topic"
-        hint = f"poses here: {listing(found) or 'none'}, or tf"
-        raise UsageError(log.path, problem, topic=wish, hint=hint)
-    return wished[:1]
 
 
 def sources(gathered: Gathered, scans: ScanTimes, wishes: Wishes) -> list[Source]:
@@ -233,22 +149,33 @@ def best_way(gathered: Gathered, found: list[Way]) -> Way | None:
     """The first source that reaches enough of the scans, else the one that reaches most.
 
     Raises:
-        UsageError: several pose topics of one kind fit equally.
+        UsageError: several pose topics of one kind fit equally, and do not say the same.
     """
     way = next((w for w in found if w.share >= ENOUGH), None)
     way = way or max(found, key=lambda w: w.share, default=None)
     if way is None or way.source.topic is None:
         return way
-    peers = [
-        w.source.topic
+    others = [
+        w
         for w in found
         if w.source.topic is not None and w.source.kind == way.source.kind and w.share >= ENOUGH
     ]
-    if len(peers) > 1:
-        problem = f"{len(peers)} topics may be the robot's poses: {listing(peers)}"
-        hint = " or ".join(f"--pose {printable(t.name)}" for t in peers)
+    rivals = [w.source.topic for w in others if w.source.topic is not None]
+    if len(rivals) > 1 and not all(_agree(way, other) for other in others):
+        problem = f"{len(rivals)} topics may be the robot's poses: {listing(rivals)}"
+        hint = " or ".join(f"--pose {printable(t.name)}" for t in rivals)
         raise UsageError(gathered.log.path, problem, hint=f"choose one with {hint}")
     return way
+
+
+def _agree(one: Way, other: Way) -> bool:
+    """Whether two topics say the same poses: of one SLAM, with and without covariance, say."""
+    times = one.times_ns[one.valid & other.valid]
+    here, there = flat(one.body(times).matrices), flat(other.body(times).matrices)
+    off = here - there
+    off[:, 2] = np.arctan2(np.sin(off[:, 2]), np.cos(off[:, 2]))
+    frames = {way.source.map_frame for way in (one, other)}
+    return len(frames) == 1 and bool(len(times)) and float(np.abs(off).max()) < SAME
 
 
 def pick_scan(gathered: Gathered, reach: dict[Topic, float]) -> tuple[Topic, str]:
@@ -263,7 +190,7 @@ def pick_scan(gathered: Gathered, reach: dict[Topic, float]) -> tuple[Topic, str
     """
     counts = {t: replace(t, count=len(s)) for t, s in gathered.scans.items() if len(s)}
     real = {counted: t for t, counted in counts.items()}
-    topics = _peers(list(counts.values()))
+    topics = peers(list(counts.values()))
     if len(topics) == 1:
         return real[topics[0]], f"the only {topics[0].type.rsplit('/', 1)[-1]}"
     reached = [t for t in topics if reach[real[t]] > 0]

@@ -82,7 +82,7 @@ def plan_of_log(
 
 
 def _topic(log: Log, name: str) -> Topic:
-    from formats.choice import listing, named
+    from formats.candidates import listing, named
     from formats.gathering import decoder_of
 
     topics = log.topics()

@@ -101,6 +101,8 @@ def what_it_is(path: Path, head: bytes) -> FormatError:
     if head.startswith(LFS):
         hint = "get the file itself with `git lfs pull`"
         return FormatError(path, "is a Git LFS pointer, not the log", hint=hint)
+    if b"rosbag2_bagfile_information" in head:
+        return FormatError(path, "is the metadata of a rosbag2 log", hint="give its folder")
     known = next((name for magic, name in SIGNATURES.items() if head.startswith(magic)), None)
     if known is None and head[:256].lstrip()[:1] == b"<":
         known = "HTML or XML text"

@@ -58,7 +58,9 @@ def apart_s(scans: ScanTimes, samples: Samples | None, delay_ns: int = 0) -> flo
     """
     if samples is None or len(samples) < 2 or len(scans) < 2:
         return 0.0
-    if samples.logs_ns[0] == samples.logs_ns[-1] or not samples.stamps_ns.any():
+    if samples.logs_ns[0] == samples.logs_ns[-1]:
+        return 0.0
+    if not samples.stamps_ns.any() or not scans.stamps_ns.any():
         return 0.0
     lag = lag_s(samples.stamps_ns, samples.logs_ns) - delay_ns / SECOND
     return lag - lag_s(scans.stamps_ns, scans.logs_ns)

@@ -18,15 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from formats.cameras import calibration, info_topic
-from formats.choice import (
-    Wishes,
-    best_way,
-    no_poses,
-    pick_scan,
-    pose_topics,
-    scan_topics,
-    ways,
-)
+from formats.candidates import pose_topics, scan_topics
+from formats.choice import Wishes, best_way, no_poses, pick_scan, ways
 from formats.clock import SECOND, Clock, Times
 from formats.depth import SLAB
 from formats.drive import Drive

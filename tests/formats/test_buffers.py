@@ -15,23 +15,20 @@ from formats.compression import inflate, zstd
 from formats.errors import Notes
 
 
-def place(view: memoryview) -> int:
-    """Where in memory it lies."""
-    return int(np.frombuffer(view, np.uint8).__array_interface__["data"][0])
-
-
 def test_memory_is_used_again_once_the_last_view_goes() -> None:
     buffers = Buffers()
     first = buffers.take(1000)
-    at = place(first)
+    memory = first.obj
     part, array = first[10:20].toreadonly(), np.frombuffer(first, np.uint8, 4, 100)
     del first
     other = buffers.take(1000)
-    assert place(other) != at
+    assert other.obj is not memory
     del part
-    assert place(buffers.take(1000)) not in (at, place(other))
+    third = buffers.take(1000)
+    assert third.obj is not memory
+    assert third.obj is not other.obj
     del array
-    assert place(buffers.take(900)) == at
+    assert buffers.take(900).obj is memory
 
 
 def test_more_than_is_kept_and_larger_ones_are_fresh_memory() -> None:

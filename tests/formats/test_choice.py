@@ -210,3 +210,22 @@ def test_sonar_topics_are_taken_only_where_there_is_no_laser() -> None:
 def test_frames_is_a_plain_loop() -> None:
     made: Iterator[object] = frames(drive(scans, mount, odom).opened())
     assert len(list(made)) == 30
+
+
+def two_poses(apart: float) -> RosLog:
+    """The poses of one SLAM on two topics, as hector_mapping says them."""
+    log = drive(mount)
+    for k in range(20):
+        x, t = k / 10, k / 10
+        log.pose(t, "/slam_out_pose", (x, 0.0, 0.0))
+        log.amcl_pose(t, (x + apart, 0.0, 0.0), topic="/poseupdate")
+        log.scan(t, RANGES)
+    return log
+
+
+def test_two_topics_that_say_the_same_poses_are_one() -> None:
+    found, _ = opened(two_poses(0.0))
+    assert found.choice.source.topic is not None
+    assert found.poses[:, 0].tolist() == pytest.approx([k / 10 for k in range(20)], abs=0.3)
+    with pytest.raises(UsageError, match=r"2 topics may be the robot's poses: /poseupdate"):
+        opened(two_poses(0.1))

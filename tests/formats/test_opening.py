@@ -98,6 +98,10 @@ NOT_LOGS = {
     "eight.bag": (bytes(8), r"is unknown data \(starts with 00 00 00 00 00 00 00 00\)"),
     "page.bag": (b"<!DOCTYPE html><html>", "is HTML or XML text"),
     "pointer.bag": (b"version https://git-lfs.github.com/spec/v1\n", "LFS pointer.*git lfs pull"),
+    "metadata.yaml": (
+        b"rosbag2_bagfile_information:\n  version: 9\n",
+        "is the metadata of a rosbag2 log; give its folder",
+    ),
     "archive.bag": (b"PK\x03\x04" + bytes(50), "is a ZIP archive"),
 }
 

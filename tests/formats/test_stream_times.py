@@ -40,6 +40,7 @@ def test_stamps_of_zero_give_way_to_log_times() -> None:
     assert found.times_ns[3] == log.ns(0.3)
     assert found.poses[3, 0] == pytest.approx(0.3)
     assert any("header stamps are all 0" in note for note in notes)
+    assert not any("clocks" in note for note in notes)
 
 
 def test_nothing_is_extrapolated_and_what_is_missing_is_counted() -> None:
