@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from html import escape
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -124,3 +125,23 @@ class Result:
         """Counts of a curve after a frame (the last by default)."""
         observed, unobserved = self.counts[curve][frame]
         return Split(Counts(*(int(n) for n in observed)), Counts(*(int(n) for n in unobserved)))
+
+    def _repr_html_(self) -> str:
+        """The scores after the last frame, as a notebook shows them; numbers of ours alone."""
+        head = ("curve", "precision", "recall", "F2", "observed F2", "unobserved F2")
+        lines = [f"<tr>{''.join(f'<th>{name}</th>' for name in head)}</tr>"]
+        for curve in self.counts if len(self.times_ns) else ():
+            observed, unobserved = self.split(curve)
+            precision, recall, f2 = ratios(observed + unobserved)
+            numbers = (precision, recall, f2, ratios(observed)[2], ratios(unobserved)[2])
+            cells = "".join(f"<td>{number:.3f}</td>" for number in numbers)
+            lines.append(f"<tr><td>{escape(curve)}</td>{cells}</tr>")
+        return f"<table>{''.join(lines)}</table>"
+
+
+def ratios(counts: Counts) -> tuple[float, float, float]:
+    """Precision, recall and F2; 0 where nothing is found (PAPER A13)."""
+    tp, fp, fn, _ = counts
+    if not tp:
+        return 0.0, 0.0, 0.0
+    return tp / (tp + fp), tp / (tp + fn), 5 * tp / (5 * tp + 4 * fn + fp)

@@ -180,13 +180,12 @@ def through_time(
         yield change.frame, time, found
 
 
-def cell_by_cell(kept: Kept, values: Mapping[str, Any], evidence: Evidence) -> dict[str, Ints]:
-    """The same cell by cell, as a run does it: where the prior goes by the walls' shares.
+def curves_under(kept: Kept, values: Mapping[str, Any]) -> dict[str, Curve]:
+    """The curves of a result under other values, cell by cell, as a run builds them.
 
     Args:
         kept: read whole.
         values: names from VALUES -> value.
-        evidence: of the result, at some time.
     """
     options = options_of(kept, values)
     share = kept.layers["wall"].astype(np.float64)
@@ -203,10 +202,20 @@ def cell_by_cell(kept: Kept, values: Mapping[str, Any], evidence: Evidence) -> d
     }
     chosen = {name: options[name] for name in (*PRIOR, "cell_rule")}
     prior = informative(layers, openings, **chosen) if "bayes" in kept.curves else None
-    sensor = {name: options[name] for name in ("sensor", *SENSOR)}
+    return curves_of(layers, prior, **{name: options[name] for name in ("sensor", *SENSOR)})
+
+
+def cell_by_cell(kept: Kept, values: Mapping[str, Any], evidence: Evidence) -> dict[str, Ints]:
+    """The same cell by cell, as a run does it: where the prior goes by the walls' shares.
+
+    Args:
+        kept: read whole.
+        values: names from VALUES -> value.
+        evidence: of the result, at some time.
+    """
     truth, scored = kept.layers["truth_wall"] != 0, kept.layers["truth_scored"] != 0
     seen = evidence.visits() > 0
     return {
         name: np.array(score(curve.of(evidence).occupied(), truth, scored, seen))
-        for name, curve in curves_of(layers, prior, **sensor).items()
+        for name, curve in curves_under(kept, values).items()
     }

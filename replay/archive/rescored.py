@@ -242,7 +242,12 @@ def rows_of(
         moments = [({}, at_the_end(kept, priors))]
     observed = (region or kept.settings.get("region")) == "observed"
     before = {curve: was(kept, curve, metric, observed) for curve in kept.curves}
-    log, depends = str(kept.facts.get("log", "")), beyond_the_log(kept)
+    batched = kept.facts.get("archive", {})
+    source = {
+        "log": " ".join(batched.get("logs", [])) or str(kept.facts.get("log", "")),
+        "log_sha256": " ".join(batched.get("sha256", [])),
+    }
+    depends = beyond_the_log(kept)
     options = [options_of(kept, values) for values in priors]
     fixed = {"region": "observed" if observed else kept.settings.get("region", "footprint")}
     rows = []
@@ -251,7 +256,7 @@ def rows_of(
             said = {name: chosen[name] for name in VALUES}
             for curve, counts in curves.items():
                 rows.append(
-                    {"result": one.name, "log": log, "prior": label, **moment, "curve": curve}
+                    {"result": one.name, **source, "prior": label, **moment, "curve": curve}
                     | {**said, **fixed, **scores(counts, observed)}
                     | {f"was_{metric}": before.get(curve), "poses_depend_on": depends}
                 )

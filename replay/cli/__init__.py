@@ -20,6 +20,7 @@ VERBS = {
     "align": "Find where a plan lies under a log or a map.",
     "deviation": "Say which walls of the plan stand, moved, or are not there.",
     "batch": "Run many logs into an archive of results; only what is missing.",
+    "compare": "Hold archives, priors or curves against each other, log by log.",
     "rescore": "Score results under other priors, without their logs.",
     "tune": "Find the prior's values that suit results, or a plan, best.",
     "view": "Look at results in Rerun: a window, a browser, a picture.",

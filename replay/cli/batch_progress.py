@@ -106,7 +106,7 @@ def batch_report(found: Batch) -> str:
         parts.append(f"{len(found.lossy)} with data loss")
     if found.failed:
         parts.append(f"{len(found.failed)} failed")
-    lines = [f"{everything} logs: {', '.join(parts)}"]
+    lines = [f"{everything} log{'s' * (everything != 1)}: {', '.join(parts)}"]
     scores = {
         curve: [facts["f2"][curve] for facts in found.results.values() if curve in facts["f2"]]
         for curve in ("none", "bayes", "paper")
