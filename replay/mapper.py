@@ -6,7 +6,8 @@ from typing import Any
 
 from formats.frame import Frame
 from formats.grid import Evidence, Geometry
-from replay.sensor import MODELS, Model, Observer, Touched
+from replay.sensor import MODELS, Model, Touched
+from replay.sensor_polar import observer
 
 
 class Mapper:
@@ -25,7 +26,7 @@ class Mapper:
     def __init__(self, geometry: Geometry, model: str | Model = "beam", **options: Any) -> None:
         self.model = MODELS[model] if isinstance(model, str) else model
         self.evidence = Evidence.empty(geometry, self.model.levels)
-        self.observe = Observer(geometry, self.model, **options)
+        self.observe = observer(geometry, self.model, **options)
 
     def insert(self, frame: Frame) -> Touched:
         """Count a reading whose pose is in the frame of the map.

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from formats.frame import Floats, Pose, Scan
 from formats.grid import Geometry
 from formats.result import Counts
+from tests.oracles_polar import polar
 
 Cells = npt.NDArray[np.int64]
 Sector = tuple[float, float, int, int]  # its borders in rad, and the beams that bound it
@@ -211,6 +212,8 @@ READINGS: dict[str, Callable[..., Any]] = {
     "eq15-literal": partial(shares, shadow=True),
     "eq15-share": shares,
     "eq15-shadow": partial(shares, shadow=True),
+    "gaussian": partial(polar, "gaussian"),
+    "cone": partial(polar, "cone"),
 }
 
 
