@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -9,6 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from formats.grid import Update
+from replay.sensor import MODELS
+from replay.tuning.cases import Case, Cells
 from replay.tuning.flips import last_empty
 from replay.tuning.surfaces import Tables, Values, grid
 from tests.tuning_worlds import seeds, sensors, slow_counts, updates, world
@@ -71,3 +74,19 @@ def test_rates_of_scores_by_hand() -> None:
     # 5 * .75 * .6 / (4 * .75 + .6) = 2.25 / 3.6; 5 * .5 * .8 / (4 * .5 + .8) = 2 / 2.8
     assert np.allclose(scores.f2, [0.0, 0.625, 2 / 2.8], rtol=1e-15)
     assert scores.objectives()[0].tolist() == [np.inf, np.inf]
+
+
+@given(st.sampled_from([0.15, 0.35, 0.55, 0.75, 0.95]), st.integers(0, 25))
+def test_seen_often_under_the_papers_rule_p_is_a_threshold_on_coverage(p: float, k: int) -> None:
+    # PAPER A2: k ISM - (k - 1) l0 has the sign of ISM - l0 for large k, and Equation 10 is
+    # logit(0.9 x share): a cell is occupied iff its empty share is below its own p.
+    share = k / 25
+    if not 0.12 <= share <= 1.0:  # the sensor says nothing below 0.1
+        return
+    model = replace(MODELS["eq10"], samples=5)
+    counts = np.zeros((26, 1), dtype=np.int64)
+    counts[k] = 1000
+    one = np.ones(1, dtype=np.int64)
+    case = Case("one cell", {("wall", 0.0): Cells(counts, one, 0 * one)})
+    tables = Tables(case, Values(tuple(model.p_levels()), "paper", 0.9))
+    assert bool(tables.at([p], [0.9]).tp[0]) == (share < p)
