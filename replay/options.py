@@ -42,6 +42,7 @@ class Options(localising.Options, total=False):
     initial_pose: Pose | None
     initial_cov: tuple[float, float, float] | None
     seed: int
+    truth_delay: float
     plan_resolution: float | None
     plan_origin: Pose | None
     plan_page: int
@@ -91,6 +92,7 @@ POSING: Options = {
     "initial_pose": None,  # anywhere on the plan
     "initial_cov": None,  # 0.25 m², 0.25 m², (pi / 12)²
     "seed": 0,
+    "truth_delay": 0.0,
     **localising.DEFAULTS,  # type: ignore[typeddict-item]
 }
 PLAN: Options = {
@@ -146,6 +148,7 @@ RANGES: dict[str, tuple[float, float]] = {
     "resolution": (1e-4, 1e3),
     "max_range": (1e-3, 1e6),
     "seed": (0, 2**63 - 1),
+    "truth_delay": (-1e9, 1e9),
     **localising.RANGES,
 }
 UNLIMITED = ("duration", "max_range")  # may be inf, too

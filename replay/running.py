@@ -48,6 +48,7 @@ def run(
     connect: str | None = None,
     viewer_budget: float = 150.0,
     align: Source | None = None,
+    truth_poses: Source | None = None,
     prior_values: Source | None = None,
     archive: Mapping[str, Any] | None = None,
     metrics: Sequence[str] = (),
@@ -70,6 +71,7 @@ def run(
         viewer_budget: MB that are drawn of the run, about.
         align: a placement that `replay align` wrote; without one, and without a place of its own,
             the plan is laid under the log here.
+        truth_poses: where the robot really was: a topic, a TUM file, or a .relations file.
         prior_values: values of the prior that `replay tune` wrote; options go before them.
         archive: what a batch notes of this run in its result.
         metrics: more scores of the last maps, by their names in docs/metrics.md.
@@ -144,6 +146,18 @@ def run(
             plan, laid = located(plan, sources[0], align, notes, **reading), True
         clock.lap("reading")
         posed = pose(decision, drive, plan, notes, chosen, laid=laid, edits=edits)
+        judged = None
+        if truth_poses:
+            from replay.pose_truth import judge
+
+            judged = judge(
+                truth_poses,
+                posed.drive,
+                notes,
+                since=posed.found.settled if posed.found else 0,
+                aligned=not (posed.drive.choice.in_map or (plan and posed.found)),
+                delay=chosen["truth_delay"],
+            )
         drive = posed.drive.gated(**among(chosen, GATES))
         clock.lap("localising")
         reach = min(drive.limit if drive.limit > 0.0 else inf, chosen["max_range"])
@@ -163,7 +177,11 @@ def run(
         said = facts.said(world, drive, notes)
         if posed.said:
             said = {**said, "poses": [posed.said]}
+        if judged:
+            said = {**said, "truth": [judged.line]}
         origin = {"said": said, **facts.origin(world, drive, log), **posed.facts}
+        if judged:
+            origin["pose_errors"] = judged.facts
         if archive:
             origin["archive"] = dict(archive)
         writer = ResultWriter(

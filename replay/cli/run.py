@@ -70,6 +70,12 @@ METHODS = ["auto", "log", "amcl", "match", "fastslam"]
 @click.option("--initial-pose", type=PoseType(), help="Where amcl starts; else anywhere.")
 @click.option("--initial-cov", type=CovarianceType(), help="Its variances; 0.25,0.25,0.0685.")
 @click.option("--seed", type=click.IntRange(0), help="Of what is drawn by chance; 0.")
+@click.option(
+    "--truth-poses",
+    metavar="TOPIC|FILE",
+    help="Where it really was: a topic, TUM poses, or relations; prints the errors.",
+)
+@click.option("--truth-delay", metavar="S", type=float, help="Added to the stamps of that truth.")
 @localising_flags
 @click.option("--map-frame", metavar="FRAME", help="The frame of the poses; map by default.")
 @click.option("--base-frame", metavar="FRAME", help="The robot's frame; base_link by default.")
