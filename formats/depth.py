@@ -249,7 +249,8 @@ def view_of(
 
 def moved(cloud: Cloud, matrix: Floats) -> Cloud:
     """The points of a cloud in another frame, which `matrix` (4, 4) takes them to."""
-    points = cloud.points.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+    with np.errstate(invalid="ignore", over="ignore"):  # points that are none stay none
+        points = cloud.points.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
     return cloud._replace(points=points)
 
 

@@ -71,7 +71,8 @@ def swept(
         reading.angle_min, reading.angle_increment, len(ranges), upright < 0
     )
     if falling or ranges.dtype is not FLOAT32:
-        ranges = np.array(ranges[::-1] if falling else ranges, dtype=FLOAT32)
+        with np.errstate(over="ignore", invalid="ignore"):  # 1e300 m is inf
+            ranges = np.array(ranges[::-1] if falling else ranges, dtype=FLOAT32)
     scan = Scan(bearings, widths, ranges, near, far)
     if -LEVEL < upright < LEVEL:
         return projected(scan, matrix, upright < 0)

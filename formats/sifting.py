@@ -36,7 +36,7 @@ def tell_clock(scans: ScanTimes, clock: Clock, notes: Notes, path: Path, zero_ns
         problem = f"clock goes back by {back:.2f} s; what follows is a pass of its own"
         notes.warn(path, problem, topic=name, at=seconds(first + shift, zero_ns))
     if scans.unlimited:
-        what = "range_max is 0 or inf: ranges are not limited"
+        what = "range_max is 0, inf or unsaid: ranges are not limited"
         notes.warn(path, what, topic=name, count=scans.unlimited)
     lag = lag_s(scans.stamps_ns, scans.logs_ns)
     if abs(lag) > YEAR_S:

@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from formats.depth import cloud_scan, moved
 from formats.errors import Notes
 from formats.frame import Pose
+from formats.messages import Cloud
 from formats.stream import survey
 from formats.way import matrix
 from tests.faults_world import path
@@ -95,3 +97,12 @@ def test_clouds_with_nothing_at_the_heights_that_count_are_warned_of() -> None:
     seen = list(survey(log.opened(), notes, scan_height=(-0.1, 0.1)).frames())
     assert all(np.isfinite(frame.scan.ranges).any() for frame in seen)
     assert said not in [note.problem for note in notes.of("warning")]
+
+
+def test_points_that_are_none_warn_nobody() -> None:
+    """A signalling nan, infinities of both signs, the largest numbers: none of them is a point."""
+    odd = np.array([0x7FA00000, 0x7F800000, 0xFF800000, 0x7F7FFFFF], np.uint32).view(np.float32)
+    rows = np.stack([odd, odd[::-1], odd], axis=1)
+    turned = matrix(Pose(1.0, 2.0, 0.7))
+    scan = cloud_scan(moved(Cloud(0, "odom", rows), turned), np.eye(4))
+    assert np.isnan(scan.ranges).all()

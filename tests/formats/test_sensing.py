@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from formats.errors import FormatError, Notes
+from formats.messages import LaserScan
+from formats.sensing import laser_scan
 from formats.stream import survey
 from tests.drives import BEAMS, drive, points, problems, surveyed
 from tests.ros_logs import RosLog
@@ -180,7 +182,16 @@ def test_both_range_limits_zero_mean_none() -> None:
     found, notes = surveyed(drive(range_min=0.0, range_max=0.0))
     scan = next(iter(found.frames())).scan
     assert [scan.min_range, scan.max_range, found.limit] == [0.0, inf, inf]
-    assert any("range_max is 0 or inf" in note for note in notes)
+    assert any("range_max is 0, inf or unsaid" in note for note in notes)
+
+
+def test_doubles_that_are_no_floats_are_inf() -> None:
+    """foxglove.LaserScan has ranges of 64 bits."""
+    far = np.array([1.0, 1e300, -1e300, nan])
+    reading = LaserScan(0, "laser", 0.0, 0.1, 0.0, 0.0, inf, far)
+    assert laser_scan(reading, np.eye(4)).ranges.tolist() == pytest.approx(
+        [1.0, inf, -inf, nan], nan_ok=True
+    )
 
 
 def test_the_number_of_beams_may_change() -> None:
