@@ -167,17 +167,35 @@ def through_time(
     """
     table = table_of(kept, priors)
     evidence = Evidence.empty(kept.geometry, kept.levels)
+    cells = scored_cells(kept.layers, evidence.counts)
+    if cells is None:
+        raise FormatError(kept.path, "scored nothing: there was neither plan nor truth")
+    if needs_layers(kept):
+        for time, change in kept.changes:
+            change.add_to(evidence)
+            yield change.frame, time, [cell_by_cell(kept, values, evidence) for values in priors]
+        return
+    lattice = kept.geometry.rows * kept.geometry.cols
+    place = np.full(lattice, -1, dtype=np.int64)  # of each cell among the scored ones
+    place[np.flatnonzero(kept.layers["truth_scored"])] = np.arange(len(cells.kind))
+    so_far, marked = count(grouped(cells), table), np.zeros(len(cells.kind), dtype=np.bool_)
     for time, change in kept.changes:
-        change.add_to(evidence)
-        cells = scored_cells(kept.layers, evidence.counts)
-        if cells is None:
-            raise FormatError(kept.path, "scored nothing: there was neither plan nor truth")
-        if needs_layers(kept):
-            found = [cell_by_cell(kept, values, evidence) for values in priors]
-        else:
-            groups = cells if len(priors) <= FEW else grouped(cells)
-            found = _by_prior(table, count(groups, table))
-        yield change.frame, time, found
+        level, cell = np.divmod(change.where, lattice)
+        here = place[cell] >= 0
+        level, cell, added = level[here], place[cell[here]], change.added[here]
+        marked[cell] = True  # many times as fast as np.unique
+        touched = np.flatnonzero(marked)
+        marked[touched] = False
+        so_far -= count(some(cells, touched, len(priors)), table)
+        cells.counts[level, cell] += added
+        so_far += count(some(cells, touched, len(priors)), table)
+        yield change.frame, time, _by_prior(table, so_far.copy())
+
+
+def some(cells: Groups, where: Ints, priors: int) -> Groups:
+    """Some of the cells, in groups where so many priors make that pay."""
+    part = Groups(cells.kind[where], cells.counts[:, where], cells.cells[where])
+    return part if priors <= FEW else grouped(part)
 
 
 def curves_under(kept: Kept, values: Mapping[str, Any]) -> dict[str, Curve]:
