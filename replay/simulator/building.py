@@ -192,6 +192,7 @@ def build(plan: Plan, real: Plan | None, options: Options, notes: Notes) -> tupl
     made = Drive(
         site,
         seen,
+        np.ascontiguousarray(plan.known[::-1]),
         way,
         sensors,
         drift=Drift(options["drift"], options["drift_pull"]),

@@ -33,6 +33,7 @@ class Drive:
     Attributes:
         site: what stands there, in the plan's frame.
         drawn: (rows, cols) wall pixels of the plan on the same lattice, row 0 lowest.
+        known: (rows, cols) pixels of which the plan says anything.
         way: true poses of the base in the plan's frame.
         sensors: by the name of their frames.
         drift: of the wheels.
@@ -46,6 +47,7 @@ class Drive:
 
     site: Site
     drawn: Mask
+    known: Mask
     way: Way
     sensors: dict[str, Sensor]
     drift: Drift = field(default_factory=Drift)
@@ -77,7 +79,8 @@ def _once(drive: Drive) -> Iterator[Recorded]:
     fixed += [mounted(t, frame, sensor) for frame, sensor in drive.sensors.items()]
     yield Recorded(t, "/tf_static", TF, ros.transforms(fixed))
     for topic, wall in (("/truth_map", drive.site.solid), ("/plan_map", drive.drawn)):
-        cells, step = wall * np.int8(100), drive.site.geometry.resolution
+        cells = np.where(wall, 100, np.where(drive.known, 0, -1)).astype(np.int8)
+        step = drive.site.geometry.resolution
         yield Recorded(t, topic, GRID, ros.grid(t, "plan", step, drive.origin, cells))
     yield Recorded(t, "/simulation", ros.TEXT, ros.text(drive.about))
 

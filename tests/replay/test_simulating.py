@@ -86,6 +86,18 @@ def test_the_plan_map_is_the_plan(home: Path) -> None:
     assert (inside.wall == open_plan(home / "plan.png", Notes()).wall).all()
 
 
+def test_what_the_plan_does_not_know_stays_unknown(tmp_path: Path) -> None:
+    pixels = cv2.imread(str(write_plan(tmp_path)), cv2.IMREAD_GRAYSCALE)
+    assert pixels is not None
+    pixels[:20] = pixels[-20:] = pixels[:, :20] = pixels[:, -20:] = 205  # the paper around
+    cv2.imwrite(str(tmp_path / "plan.png"), pixels)
+    simulate(tmp_path / "plan.png", tmp_path / "s.mcap", seconds=1.0)
+    for topic in ("truth_map", "plan_map"):
+        found = open_plan(f"{tmp_path / 's.mcap'}:/{topic}", Notes())
+        assert (found.known == (pixels != 205)).all()
+        assert (found.wall == (pixels == 0)).all()
+
+
 def poses(path: Path, **options: Any) -> Any:
     return np.array([frame.pose for frame in frames(path, **options)])
 
