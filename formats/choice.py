@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -178,12 +179,15 @@ def _agree(one: Way, other: Way) -> bool:
     return len(frames) == 1 and bool(len(times)) and float(np.abs(off).max()) < SAME
 
 
-def pick_scan(gathered: Gathered, reach: dict[Topic, float]) -> tuple[Topic, str]:
+def pick_scan(
+    gathered: Gathered, reach: dict[Topic, float], standing: Collection[Topic] = ()
+) -> tuple[Topic, str]:
     """The one scan topic that fits, and why.
 
     Args:
         gathered: of all the topics that fit by type.
         reach: share of each topic's scans that some poses reach.
+        standing: topics whose frames do not move with the robot.
 
     Raises:
         UsageError: several fit equally.
@@ -196,6 +200,9 @@ def pick_scan(gathered: Gathered, reach: dict[Topic, float]) -> tuple[Topic, str
     reached = [t for t in topics if reach[real[t]] > 0]
     if len(reached) == 1:
         return real[reached[0]], "the only one that the transforms reach"
+    carried = [t for t in reached if real[t] not in standing]
+    if len(carried) == 1:
+        return real[carried[0]], "the only one in a frame that moves with the robot"
     if not reached:
         if not topics:
             raise FormatError(gathered.log.path, "no scan is readable")

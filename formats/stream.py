@@ -229,7 +229,8 @@ def _chosen(gathered: Gathered, wishes: Wishes) -> tuple[ScanTimes, Clock, Way |
         clocks[topic] = gathered.clock(scans)
         found[topic] = ways(gathered, scans, clocks[topic], wishes) if len(scans) else []
     reach = {t: max((w.share for w in some), default=0.0) for t, some in found.items()}
-    topic, reason = pick_scan(gathered, reach)
+    standing = [topic for topic, some in found.items() if any(way.registered for way in some)]
+    topic, reason = pick_scan(gathered, reach, standing)
     if wishes.scan:
         reason = "as asked for"
     gathered.tree.settle(

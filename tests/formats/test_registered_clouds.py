@@ -71,6 +71,16 @@ def test_frames_are_those_of_the_cloud_in_the_bodys_own_frame(frame: str, poses:
     assert said in [note.problem for note in notes]
 
 
+def test_the_sensors_own_cloud_comes_before_the_mappers() -> None:
+    log, own = drive("odom", "map"), drive("base_link", "map")
+    for row in own.happened:
+        if row[1] == "/points":
+            log.happened.append((row[0], "/velodyne_points", *row[2:]))
+    choice = survey(log.opened(), Notes()).choice
+    assert choice.scan.name == "/velodyne_points"
+    assert "the only one in a frame that moves with the robot" in choice.reasons[0]
+
+
 def test_scans_in_such_a_frame_are_warned_of() -> None:
     log = RosLog()
     for k in range(STEPS):
