@@ -33,6 +33,7 @@ class Source:
         moments: the run as it went on.
         levels: p_hit, p_miss -> P(empty) of each level of its sensor model.
         inputs: files that were read.
+        depends: what its poses depend on beside the log: "plan, seed 1", or "".
     """
 
     path: Path
@@ -42,6 +43,7 @@ class Source:
     moments: list[Moment]
     levels: Callable[[float, float], Sequence[float]]
     inputs: tuple[str, ...]
+    depends: str = ""
 
     def case(self) -> Case:
         """The cells at the end of the run."""
@@ -83,6 +85,7 @@ def open_source(
         run = read_result(path, notes)
         ground = ground_of(run)
         name = str(run.settings.get("sensor", "beam"))
+        depends = str(run.facts.get("poses_depend_on", "log"))
         if name not in MODELS:
             raise UsageError(path, f"there is no sensor model {name!r}")
         return Source(
@@ -93,6 +96,7 @@ def open_source(
             moments_of(run, ground),
             MODELS[name].p_levels,
             (str(path),),
+            ", ".join(part for part in depends.split(", ") if part != "log"),
         )
     explored = explore(path, notes, setup, truth, plan_resolution, plan_method)
     model = explored.model

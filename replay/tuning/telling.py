@@ -15,6 +15,9 @@ def report(facts: dict[str, Any]) -> str:
     lines = []
     for name, rule in facts["rules"].items():
         lines += [*_rule(name, rule, facts["search"], len(facts["sources"]) > 1), ""]
+    for path, depends in facts["poses_depend_on"].items():
+        name = printable(path.rsplit("/", 1)[-1])
+        lines.append(f"poses   of {name} depend on more than its log: {depends}")
     chosen = facts["chosen"]
     lines.append(
         f"chosen  {chosen['pick']}: p_wall {chosen['p_wall']:.3f}, p_space "

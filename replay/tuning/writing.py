@@ -44,6 +44,7 @@ def write_all(
         raise UsageError("", f"the pick {pick!r} was not found", hint="choose another")
     facts: dict[str, Any] = {
         "sources": [str(source.path) for source in sources],
+        "poses_depend_on": {str(s.path): s.depends for s in sources if s.depends},
         "search": {
             "algorithm": search.algorithm,
             "objective": objective,

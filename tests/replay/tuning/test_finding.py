@@ -51,9 +51,11 @@ def made(result: Result) -> Path:
         {"region": "observed", "prior_scale": 1.0},
         {"region": "image"},
         {"sensor": "eq15"},
+        {"sensor": "gaussian"},
+        {"sensor": "eq10-true"},
         {"prior": SAMPLES / "drawing.png", "p_door": 0.6, "p_window": 0.3},
     ],
-    ids=lambda options: next(iter(options), "plain"),
+    ids=lambda options: "-".join(map(str, options)) or "plain",
 )
 def test_the_tables_score_a_run_as_the_run_did(tmp_path: Path, options: dict[str, Any]) -> None:
     result = sample(tmp_path, **options)
@@ -141,6 +143,16 @@ def test_a_prior_that_breaks_equation_13_is_warned_of(played: Result, tmp_path: 
         pick="paper", notes=notes, **QUICK,
     )  # fmt: skip
     assert any("Equation 13" in note.problem for note in notes.of("warning"))
+
+
+def test_what_poses_depend_on_is_said(tmp_path: Path) -> None:
+    from replay.tuning.telling import report
+
+    placed = sample(tmp_path, poses="amcl", every=1, duration=20.0)
+    facts = tune(made(placed), output=tmp_path / "t", **QUICK)
+    assert list(facts["poses_depend_on"]) == [str(made(placed))]
+    assert "plan" in facts["poses_depend_on"][str(made(placed))]
+    assert "poses   of out.replay.mcap depend on more than its log: plan" in report(facts)
 
 
 def test_a_plan_is_explored_by_the_papers_robot(tmp_path: Path) -> None:
