@@ -10,7 +10,14 @@ import subprocess
 import tempfile
 from pathlib import Path
 
+import cv2
+import numpy as np
+
+from formats.errors import Notes
+from formats.plan_file import open_plan
 from replay import report, run, view
+from replay.simulator.building import build
+from replay.simulator.options import Options, effective
 
 ROOT = Path(__file__).resolve().parent.parent
 SAMPLES = ROOT / "sample_logs"
@@ -29,7 +36,26 @@ def main() -> None:
         paper = folder / "paper.replay.mcap"
         run(SAMPLES / "turtlebot.mcap", plan, truth=truth, output=paper, update="paper")
         view([result, paper], screenshot=PICTURES / "several.png", force=True)
+        _simulated(PICTURES / "simulate.png")
         _printed(report(result, folder / "turtlebot.html"), PICTURES / "report.png")
+
+
+def _simulated(picture: Path) -> None:
+    """What `replay simulate` makes of the plan: drawn and standing black, gone grey, new red."""
+    options: Options = {"clutter": 0.06, "remove_walls": 0.2, "collapse_walls": 0.15}
+    plan = open_plan(SAMPLES / "plan.png", Notes())
+    drive, _ = build(plan, None, effective({**options, "deviation": 0.05}), Notes())
+    g, solid, drawn = drive.site.geometry, drive.site.solid, drive.drawn
+    colours = np.full((*solid.shape, 3), 255, dtype=np.uint8)
+    for cells, colour in (
+        (drawn & ~solid, (190, 190, 190)),
+        (solid & ~drawn, (40, 40, 220)),
+        (drawn & solid, (0, 0, 0)),
+    ):
+        colours[cells] = colour
+    way = (drive.way.poses[:, :2] - [g.x, g.y]) / g.resolution
+    cv2.polylines(colours, [np.rint(way).astype(np.int32)], False, (200, 120, 0), 2, cv2.LINE_AA)
+    cv2.imwrite(str(picture), colours[::-1])
 
 
 def _printed(page: Path, picture: Path) -> None:
