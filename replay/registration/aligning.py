@@ -11,17 +11,19 @@ from typing import Any, Literal
 
 import numpy as np
 
-from formats.errors import Notes, UsageError
+from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Pose
 from formats.output import check_output, write_image
 from formats.placement import Placement, write_placement
 from formats.plan_file import Plan, open_plan
+from replay.drawn import taken_apart
 from replay.registration.overlay import candidates, overlay
 from replay.registration.placing import Pin, metres_of, pinned, placed, posed, seen_in
 from replay.registration.register import Alignment, align, align_place
 from replay.registration.seen import Doubles, Seen
 
 Source = str | PathLike[str]
+EXTRACTED = 12_000_000  # px: of larger sheets the ink alone is looked at
 Scale = float | tuple[float, float] | Literal["free"] | None
 
 
@@ -102,7 +104,7 @@ def align_files(
         cells = _scale_in_cells(scale, plan, seen)
         if scale == "free":
             seen = replace(seen, resolution=None) if map_picture is not None else seen
-        found = align(seen, plan.wall, scale=cells, mirrored=mirrored, name=str(source))
+        found = align_drawing(seen, plan, scale=cells, mirrored=mirrored, name=str(source))
     found = replace(found, seconds=perf_counter() - started)
     placement = _placement(found, plan, source, map_picture)
     written = []
@@ -121,6 +123,40 @@ def align_files(
         write_image(picture, image, force=force, inputs=inputs)
         written.append(Path(picture))
     return Aligned(found, plan, seen, placement, written)
+
+
+def align_drawing(
+    seen: Seen,
+    plan: Plan,
+    *,
+    scale: float | tuple[float, float] | None = None,
+    mirrored: bool | None = None,
+    name: str = "",
+) -> Alignment:
+    """Find a map on the ink of a plan, and on its extracted walls where the ink does not tell.
+
+    Furniture, hatching and text may hide a place; to extract the walls of a drawing takes longer
+    than to look at its ink, so that it comes second, and not at all for very large sheets.
+
+    Args:
+        seen: what the robot saw.
+        plan: as opened.
+        scale, mirrored, name: as `align` takes them.
+
+    Raises:
+        FormatError: no place fits at all.
+    """
+    found = align(seen, plan.wall, scale=scale, mirrored=mirrored, name=name)
+    if found.confident or plan.occupancy.size > EXTRACTED:
+        return found
+    walls = taken_apart(plan, "auto", Notes())[0]
+    if walls is plan or not walls.wall.any():
+        return found
+    try:
+        again = align(seen, walls.wall, scale=scale, mirrored=mirrored, name=name)
+    except FormatError:  # of next to no walls
+        return found
+    return again if again.confident else found
 
 
 def _posed(plan: Plan, pose: Pose, picture: Plan | None) -> Doubles:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from math import cos, radians, sin
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Pose
 from formats.grid import Evidence, Geometry
 from formats.placement import Placement, read_placement
-from formats.plan_file import open_plan
+from formats.plan_file import Plan, open_plan
 from replay.cli.align import command
 from replay.registration.placing import metres_of, pinned, placed, posed
 from replay.registration.register import Alignment, align, confidence
@@ -418,6 +419,50 @@ def test_a_building_drawn_to_its_edges_is_no_frame() -> None:
     walls[:3] = walls[-3:] = True
     walls[:, :3] = walls[:, -3:] = True
     assert np.array_equal(unframed(walls), walls)
+
+
+def test_extracted_walls_tell_where_ink_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second try is on the walls, and only where the first did not settle it."""
+    from replay.registration import aligning
+
+    walls, seen, true = case(FLAT, 0.9, 20.0, False, (0, 0, 1, 1))
+    rng = np.random.default_rng(3)
+    littered = np.where(walls, 0, 255).astype(np.uint8)
+    for _ in range(2500):  # furniture, hatching, text
+        x, y = (int(rng.uniform(0, n)) for n in walls.shape[::-1])
+        cv2.rectangle(littered, (x, y), (x + 14, y + 9), 0, 1)
+    plan = Plan(
+        Path("a.png"), littered, np.where(littered < 128, 100, 0).astype(np.int8), None,
+        Pose(0.0, 0.0, 0.0), False, {},
+    )  # fmt: skip
+    assert not align(seen, plan.wall).confident
+    bare = replace(plan, occupancy=np.where(walls, 100, 0).astype(np.int8))
+    monkeypatch.setattr(aligning, "taken_apart", lambda plan, method, notes: (bare, None))
+    found = aligning.align_drawing(seen, plan)
+    assert found.confident
+    assert off(found.best.matrix, true, seen) < 3.0
+    monkeypatch.setattr(aligning, "taken_apart", lambda plan, method, notes: (plan, None))
+    assert not aligning.align_drawing(seen, plan).confident
+
+
+def test_a_log_finds_its_place_on_a_bare_plan(tmp_path: Path) -> None:
+    """From metres, y up: by the plan's own yaml a metre is 50 px, and (-2.4, -4.4) m the corner."""
+    samples = Path(__file__).resolve().parent.parent.parent / "sample_logs"
+    bare = tmp_path / "bare.png"
+    bare.write_bytes((samples / "plan.png").read_bytes())
+    yaml = (samples / "plan.yaml").read_text()
+    assert "resolution: 0.02" in yaml
+    assert "origin: [-2.40, -4.40, 0" in yaml
+    code, stdout, _ = run(str(samples / "turtlebot.mcap"), "--prior", str(bare), "--json")
+    assert code == 0
+    said = json.loads(stdout)
+    # 440 rows: the lower left corner is pixel (-0.5, 439.5)
+    true = np.array([[50.0, 0.0, 2.4 * 50 - 0.5], [0.0, -50.0, 439.5 - 4.4 * 50]])
+    corners = np.array([[-2, -4, 1], [9, -4, 1], [-2, 4, 1], [9, 4, 1]], dtype=float)
+    assert np.abs(corners @ (np.array(said["matrix"]) - true).T).max() < 3.0
+    assert said["mirrored"] is False
+    assert said["scale"] == pytest.approx(50.0, rel=0.005)
+    assert said["turn_deg"] == pytest.approx(0.0, abs=0.3)
 
 
 def test_places_are_apart_and_the_likeliest_comes_first() -> None:
