@@ -12,6 +12,7 @@ PUBLIC = {
     "export": "replay.exporting",
     "plan": "replay.planning",
     "simulate": "replay.simulating",
+    "demo": "replay.samples",
     "deviation": "replay.deviating",
     "batch": "replay.archive.batching",
     "report": "replay.reporting.writing",
@@ -25,6 +26,7 @@ PUBLIC = {
 __all__ = [
     "batch",
     "compare",
+    "demo",
     "deviation",
     "export",
     "paper",

@@ -46,7 +46,7 @@ def test_run_prints_the_table_and_writes_the_result(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     for word in ("no prior", "prior, bayes", "prior, paper", "against the plan", "observed F2"):
         assert word in done.stdout
-    assert "next: replay export turtlebot.replay.mcap" in done.stderr
+    assert "next: replay view turtlebot.replay.mcap" in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["turtlebot.replay.mcap"]
 
 

@@ -28,6 +28,8 @@ VERBS = {
     "paper": "Reproduce the paper: its tables, its figures, its claims.",
     "report": "Write results as one HTML file.",
     "export": "Write maps, poses and scores of a result in the formats of others.",
+    "demo": "Write a sample log with its plan, and say what to try.",
+    "completion": "Print what a shell needs to complete verbs and options.",
 }
 
 
@@ -42,8 +44,9 @@ class Verbs(click.Group):
         """The verb's command, or None where there is no such verb."""
         if cmd_name not in VERBS:
             return None
-        command: click.Command = import_module(f"replay.cli.{cmd_name}").command
-        return command
+        from replay.cli.config import configured
+
+        return configured(import_module(f"replay.cli.{cmd_name}").command)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """The table itself, without importing a single verb."""

@@ -209,5 +209,5 @@ def command(logs: tuple[Path, ...], as_json: bool, quiet: bool, **options: Any) 
 
         click.echo(run_report(result))
         if not quiet:
-            click.echo(f"next: replay export {result.facts['result']}", err=True)
+            click.echo(f"next: replay view {result.facts['result']}", err=True)
     return ending(notes)
