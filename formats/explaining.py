@@ -72,7 +72,11 @@ def tell_choice(
 
 
 def tell_frame(scans: ScanTimes, way: Way, notes: Notes, path: Path) -> None:
-    """What follows from scans in a frame that does not move with the robot."""
+    """What follows from scans in a frame that does not move with the robot, or has a prefix."""
+    for name in scans.names:
+        if way.sensor_pose is None and (known := way.known(name)) != name:
+            what = f"no transform knows the frame {printable(name)}: taken as {printable(known)}"
+            notes.warn(path, what, topic=scans.topic.name)
     fixed = [printable(name) for name in scans.names if way.stays(name)]
     if not fixed:
         return

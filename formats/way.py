@@ -12,7 +12,7 @@ import numpy.typing as npt
 from formats.clock import SECOND, Times
 from formats.depth import level_pose
 from formats.frame import Pose
-from formats.frame_names import is_base
+from formats.frame_names import is_base, last_part
 from formats.gathering import Gathered, ScanTimes
 from formats.log import Topic
 from formats.poses import Source
@@ -141,6 +141,18 @@ class Way:
             return False
         return frame == self.source.map_frame or frame in self.gathered.tree.ancestors(base)[1:]
 
+    def known(self, frame: str) -> str:
+        """The frame that a scan means: transforms may know it with the robot's prefix alone.
+
+        "laser" is "turtle1/laser" where that is the one frame of such a name on the body.
+        """
+        tree, base = self.gathered.tree, self.source.base_frame
+        if not base or frame in ("", base) or frame in tree.frames:
+            return frame
+        near = (f for f in tree.relatives(base) if last_part(f) == last_part(frame))
+        on_body = [f for f in near if base in tree.ancestors(f)[1:]]
+        return on_body[0] if len(on_body) == 1 else frame
+
     def body(self, moments_ns: Times) -> Lookup:
         """The robot's body in the map frame."""
         moments = moments_ns - self.delay_ns
@@ -201,7 +213,8 @@ class Way:
         missing: list[Missing] = []
         frames = self.scans.frame[rows]
         for index in np.unique(frames):
-            name, some = self.scans.names[index], np.flatnonzero(frames == index)
+            some = np.flatnonzero(frames == index)
+            name = self.known(self.scans.names[index])
             if name in ("", base):  # an unnamed sensor is taken as sitting on the body
                 valid[some] = True
             elif self.registered and name == self.source.map_frame:

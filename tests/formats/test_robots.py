@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from formats.errors import Notes, UsageError
+from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Pose
 from formats.log import Topic
 from formats.ring import shared
@@ -179,3 +179,27 @@ def test_names_of_a_ring() -> None:
     assert shared(["/sonar_0", "/sonar_1", "/sonar_12"]) == "/sonar_*"
     assert shared(["/front/range", "/left/range"]) == "/*/range"
     assert shared(["/a", "/ab"]) == "/a*"
+
+
+def prefixed(*lasers: str) -> RosLog:
+    """A robot whose transforms have a prefix that its scans lack, with lasers on it."""
+    log = RosLog()
+    for frame in lasers:
+        log.static("turtle/base_link", frame, MOUNTS["/robot1"])
+    for k in range(12):
+        t = k / 10
+        log.tf(t, "odom", "turtle/base_link", path(t))
+        given: dict[str, Any] = {"angle_min": -pi, "increment": 2 * pi / 90, "range_max": 4.0}
+        log.scan(t, beams(on(path(t), MOUNTS["/robot1"])), frame="laser", **given)
+    return log
+
+
+def test_a_frame_may_lack_the_prefix_of_its_robot() -> None:
+    log, notes = prefixed("turtle/laser", "turtle/imu"), Notes()
+    survey(log.opened(), notes)
+    said = "no transform knows the frame laser: taken as turtle/laser"
+    assert said in [note.problem for note in notes.of("warning")]
+    assert wall_distance(log) < 1e-3
+    for lasers in (("turtle/imu",), ("turtle/front/laser", "turtle/rear/laser")):
+        with pytest.raises(FormatError, match="no transform turtle/base_link <- laser"):
+            survey(prefixed(*lasers).opened(), Notes())
