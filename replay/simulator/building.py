@@ -66,7 +66,8 @@ def changed(site: Site, inside: Mask, options: Options, notes: Notes) -> Site:
         solid = changes.displaced(solid, step, options["deviation"], stream(seed, "deviation"))
     if options["clutter"]:
         radius, share = options["robot_radius"], options["clutter"]
-        free = inside & ~kept(site, options)
+        # Not behind walls that stand off inwards, either.
+        free = inside & ~site.solid & ~kept(site, options)
         solid = changes.cluttered(solid, free, share, step, radius, stream(seed, "clutter"))
     return site if solid is site.solid else site.with_solid(solid)
 

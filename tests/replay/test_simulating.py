@@ -189,6 +189,17 @@ def test_walls_gone_and_collapsed(home: Path, tmp_path: Path) -> None:
     assert sizes["remove_wall"] < sizes["collapse_wall"] < plan.sum()
 
 
+def test_no_clutter_stands_where_a_wall_was_drawn(home: Path, tmp_path: Path) -> None:
+    def truth(**more: Any) -> Any:
+        options: dict[str, Any] = {"seconds": 0.0, "deviation": 0.15, "force": True, **more}
+        simulate(home / "plan.png", tmp_path / "d.mcap", **options)
+        return open_plan(f"{tmp_path / 'd.mcap'}:/truth_map", Notes()).wall
+
+    new = truth(clutter=0.15) & ~truth()
+    assert new.sum() > 500
+    assert not (new & open_plan(home / "plan.png", Notes()).wall).any()
+
+
 def test_a_truth_picture_is_what_stands_there(home: Path, tmp_path: Path) -> None:
     pixels = cv2.imread(str(home / "plan.png"), cv2.IMREAD_GRAYSCALE)
     assert pixels is not None
