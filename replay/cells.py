@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import cos, floor, sin
 from typing import Literal
 
@@ -35,6 +35,9 @@ class CellLayers:
         wall: those of them that are wall.
         known: those of them that say anything.
         footprint: the building, where maps are scored.
+        confidence: 0 to 1, how far the plan is believed: scales the prior's log-odds. None: all of
+            it wholly. With it cells of one kind have not one prior, so that no exact front and no
+            re-scoring by groups holds (`uniform` is False).
     """
 
     geometry: Geometry
@@ -42,6 +45,12 @@ class CellLayers:
     wall: Counted
     known: Counted
     footprint: Mask
+    confidence: npt.NDArray[np.float64] | None = None
+
+    @property
+    def uniform(self) -> bool:
+        """Whether all cells of one kind have one prior, as exact fronts and re-scoring need."""
+        return self.confidence is None
 
     @property
     def outside(self) -> Mask:
@@ -89,6 +98,18 @@ def cell_layers(
     pixels, wall, known = _joined(plan, geometry, plan.frame if frame is None else frame)
     footprint = find_footprint(plan, geometry, pixels, wall, known, notes or Notes())
     return CellLayers(geometry, pixels, wall, known, footprint)
+
+
+def mean_values(
+    plan: Plan, values: npt.NDArray[np.floating], geometry: Geometry
+) -> npt.NDArray[np.float64]:
+    """Mean by cell of values (H, W) within 0 to 1, in steps of a tenth; 1 beyond the picture."""
+    out = np.zeros(geometry.shape)
+    for step in range(1, 11):
+        over = np.where(values >= (step - 0.5) / 10, np.int8(100), np.int8(0))
+        out += count_walls(replace(plan, occupancy=over), geometry) / 10
+    pixels, _, _ = _joined(plan, geometry, plan.frame)
+    return np.where(pixels > 0, out, 1.0)
 
 
 def count_walls(

@@ -13,6 +13,7 @@ from formats.plan_edits import PlanEdits
 from formats.plan_file import Plan
 from replay.cells import leaves_unknown
 from replay.drawing import Drawing, extract, shows_doors
+from replay.drawing.confidence import confidence
 from replay.drawing.editing import edited, regions
 
 Mask = npt.NDArray[np.bool_]
@@ -26,12 +27,14 @@ class Openings:
     Attributes:
         doors, windows: the openings in its walls.
         inside, outside: regions that edits by hand made building, and that they made none.
+        confidence: 0 to 1, see `replay.drawing.confidence`; what was edited by hand is sure.
     """
 
     doors: Mask
     windows: Mask
     inside: Mask
     outside: Mask
+    confidence: npt.NDArray[np.float32]
 
 
 def taken_apart(
@@ -63,17 +66,20 @@ def taken_apart(
         notes.info(
             plan.path, f"a drawing: its walls and {len(found.doors)} doors extracted by {method}"
         )
+    sure = confidence(found) if method != "ink" else np.ones(plan.wall.shape, dtype=np.float32)
+    before = found
     steps = edits.on(plan) if edits is not None else ()
     if edits is not None:
         found = edited(found, edits, steps, notes)
         notes.info(plan.path, f"edited by hand: {len(edits.edits)} edits")
         plan = replace(plan, inputs={**plan.inputs, str(edits.path): edits.sha256})
+    sure[before.walls != found.walls] = 1.0
     windows = found.layers.get("windows", np.zeros_like(found.walls))
     wall = found.walls | windows
     occupancy = np.where(wall, np.int8(100), np.int8(0))
     if method == "ink":  # what is neither wall nor made free stays as it is, perhaps unknown
         occupancy = np.where(wall == plan.wall, plan.occupancy, occupancy)
-    openings = Openings(door_openings(found), windows, *regions(wall.shape, steps))
+    openings = Openings(door_openings(found), windows, *regions(wall.shape, steps), sure)
     return replace(plan, occupancy=occupancy), openings
 
 

@@ -58,6 +58,7 @@ class Options(localising.Options, total=False):
     p_door: float | None
     p_window: float | None
     plan_method: PlanMethod
+    plan_confidence: bool
     cell_rule: Rule
     region: Region
     sensor: str
@@ -113,6 +114,7 @@ WORLD: Options = {
     "p_door": None,  # p_space
     "p_window": None,  # p_wall
     "plan_method": "auto",
+    "plan_confidence": False,
     "cell_rule": "any",
     "region": "footprint",
     "sensor": "beam",

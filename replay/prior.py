@@ -79,6 +79,8 @@ def informative(
 ) -> Grid:
     """The plan's prior, with the doors and windows that a drawing shows.
 
+    Where the layers say how far they are to be believed, log-odds are scaled by that towards 0.5.
+
     Args:
         layers: what the plan says by cell.
         openings: "door" and "window" -> share of each cell, or neither.
@@ -99,6 +101,8 @@ def informative(
         ):
             if p is not None:
                 grid.values[cells] = logit(used(p, prior_scale))
+    if layers.confidence is not None:
+        grid.values[~layers.outside] *= layers.confidence[~layers.outside]
     return grid
 
 

@@ -15,7 +15,7 @@ from formats.grid import Geometry, Grid, Update
 from formats.plan_edits import PlanEdits
 from formats.plan_file import Extent, Plan, overlap
 from formats.result import Curve
-from replay.cells import CellLayers, Rule, cell_layers, count_walls, truth_cells
+from replay.cells import CellLayers, Rule, cell_layers, count_walls, mean_values, truth_cells
 from replay.drawn import Openings, PlanMethod, taken_apart
 from replay.prior import informative, no_prior
 from replay.sensor import MODELS
@@ -207,6 +207,7 @@ def build_world(
     region: Region = "footprint",
     plan_method: PlanMethod = "auto",
     plan_edits: PlanEdits | None = None,
+    plan_confidence: bool = False,
     p_door: float | None = None,
     p_window: float | None = None,
     **prior: float,
@@ -226,6 +227,7 @@ def build_world(
         region: the building, the whole picture, or (later) what was observed.
         plan_method: how a drawing becomes a plan, see `taken_apart`.
         plan_edits: by hand, on what was found.
+        plan_confidence: scale the prior by how far the extraction is believed.
         p_door, p_window: P(empty) of openings that a drawing shows; None: as space, as wall.
         prior: p_wall, p_space, p_outside, prior_scale.
 
@@ -242,6 +244,9 @@ def build_world(
         if found is not None:
             openings = opening_cells(plan, found, geometry)
             layers = with_regions(layers, plan, found)
+            if plan_confidence:
+                sure = mean_values(plan, found.confidence, geometry)
+                layers = replace(layers, confidence=sure)
     drawn = None
     if plan is not None:
         drawn = informative(

@@ -121,6 +121,11 @@ METHODS = ["auto", "log", "amcl", "match", "fastslam"]
     type=click.Path(path_type=Path),
     help="Edits of the plan by hand, as `replay plan --edits` takes them.",
 )
+@click.option(
+    "--plan-confidence/--no-plan-confidence",
+    default=None,
+    help="Scale the prior towards 0.5 where the extraction is unsure; off by default.",
+)
 @click.option("--prior-scale", type=PROBABILITY, help="Multiplies p_wall and p_space; 0.9.")
 @click.option(
     "--cell-rule",

@@ -27,6 +27,9 @@ def ground_of(run: RunFile) -> Ground:
             make.
     """
     layers = run.layers
+    if run.settings.get("plan_confidence"):
+        problem = "its prior is scaled cell by cell (--plan-confidence): there is no exact front"
+        raise FormatError(run.path, problem, hint="run it again without")
     for name in ("wall", "outside", "truth_wall", "truth_scored"):
         if name not in layers:
             hint = "give a result of `replay run` with --prior, and --truth where there is one"

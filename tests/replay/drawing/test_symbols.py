@@ -9,6 +9,7 @@ from replay.drawing.ink import binarise
 from replay.drawing.shapes import Door
 from replay.example_plans import SYMBOLS, plan, symbol
 from replay.plan_scores import score_doors, score_walls
+from scripts.score_symbols import share
 
 WIDTH = 60.0
 LEAF = {"double": 0.5, "uneven double": 0.65, "pivot": 0.8, "folding": 0.39}
@@ -63,3 +64,14 @@ def test_algorithm_1_reads_the_five_plans(letter: str) -> None:
     doors = score_doors(read.doors, [door.sector() for door in drawn.doors])
     assert doors.precision == 1.0
     assert doors.recall >= 0.8  # the door in the outer wall has no corner on its hinge side
+
+
+FLOORS = {"sliding": 0.7, "pocket": 0.85}  # at small sizes their leaves are as thick as walls
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", SYMBOLS)
+def test_symbols_in_a_wall_are_found_at_any_turn_and_size(kind: str) -> None:
+    assert share(kind, True, "structural", [15.0 * k for k in range(0, 24, 3)]) >= FLOORS.get(
+        kind, 0.95
+    )
