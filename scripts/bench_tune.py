@@ -21,8 +21,9 @@ from replay.simulator.sensors import Lidar
 from replay.simulator.site import Site
 from replay.tuning.cases import ground
 from replay.tuning.front import exact_front
-from replay.tuning.genetic import Search, evolve
+from replay.tuning.genetic import evolve
 from replay.tuning.objectives import exact
+from replay.tuning.search import Search
 from replay.tuning.surfaces import Tables, Values, grid
 
 ROWS, COLS = 200, 860  # the paper's floor of 43 x 10 m at 5 cm

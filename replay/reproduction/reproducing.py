@@ -12,7 +12,7 @@ from typing import Any
 
 from formats.errors import UsageError
 from formats.output import check_output, write_bytes, write_text
-from replay.reproduction import course, drawings, floor, maps, optimising, real, stale
+from replay.reproduction import course, drawings, floor, maps, optimising, real, stale, tables
 from replay.reproduction.claims import Section
 from replay.reproduction.page import page
 from replay.reproduction.studies import Study
@@ -42,8 +42,8 @@ ROWS: dict[str, Callable[[Rows], Section]] = {
     "G2": lambda rows: drawings.g2(),
     "G3": lambda rows: optimising.g3(rows.study),
     "G4": lambda rows: optimising.g4(rows.study),
-    "T1": lambda rows: optimising.t1(rows.study),
-    "T2": lambda rows: optimising.t2(rows.study),
+    "T1": lambda rows: tables.t1(rows.study),
+    "T2": lambda rows: tables.t2(rows.study),
     "X6": lambda rows: optimising.x6(rows.study),
     "G5": lambda rows: maps.g5(),
     "X3": lambda rows: maps.x3(rows.study),

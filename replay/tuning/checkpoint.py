@@ -17,7 +17,7 @@ import numpy as np
 from formats.errors import FormatError, UsageError
 from formats.errors import Path as AnyPath
 from formats.output import write_bytes
-from replay.tuning.genetic import Objective, Search, State
+from replay.tuning.search import Objective, Search, State
 
 FORMAT = "replay search 1"
 PROBES = 33  # along a diagonal: a search of other data has other objectives there

@@ -17,8 +17,9 @@ from replay.tuning.cases import Case, Floats, pooled
 from replay.tuning.clusters import Clusters, cluster
 from replay.tuning.early import Course, course, mean_surface
 from replay.tuning.front import Front, exact_front, grid_front, hypervolume
-from replay.tuning.genetic import Found, Search, evolve, stalled
+from replay.tuning.genetic import evolve
 from replay.tuning.objectives import OBJECTIVES, ObjectiveName
+from replay.tuning.search import Found, Search, stalled
 from replay.tuning.sources import Source
 from replay.tuning.surfaces import Scores, Tables, grid
 

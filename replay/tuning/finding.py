@@ -13,8 +13,8 @@ from formats.output import check_output
 from replay.drawn import PlanMethod
 from replay.tuning import picks
 from replay.tuning.choosing import STEPS, tuned
-from replay.tuning.genetic import ALGORITHMS, Algorithm, Search
 from replay.tuning.objectives import OBJECTIVES, ObjectiveName
+from replay.tuning.search import ALGORITHMS, Algorithm, Search
 from replay.tuning.simulated import Setup
 from replay.tuning.sources import Source, open_source
 from replay.tuning.writing import write_all

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
 from replay.tuning.cases import Floats
-from replay.tuning.genetic import Objective
+from replay.tuning.search import Objective
 from replay.tuning.surfaces import Tables, grid
 
 ObjectiveName = Literal["exact", "interpolated"]

@@ -16,8 +16,8 @@ from formats.output import check_output, write_bytes
 from formats.prior_values import PriorValues, write_prior_values
 from replay.facts import sensor_of
 from replay.tuning.choosing import Tuned, shares_of_hypervolume
-from replay.tuning.genetic import Search
 from replay.tuning.picks import PICKS, in_shortlist
+from replay.tuning.search import Search
 from replay.tuning.sources import Source
 from replay.tuning.surfaces import Scores, grid
 

@@ -17,10 +17,11 @@ from replay.reproduction import floor, real, stale
 from replay.reproduction.claims import Section
 from replay.reproduction.course import KINECT, drawn_course
 from replay.reproduction.drawings import g2
-from replay.reproduction.optimising import TENTHS, best_pairs, said, unbeaten
+from replay.reproduction.optimising import unbeaten
 from replay.reproduction.page import page
 from replay.reproduction.reproducing import ROWS
 from replay.reproduction.studies import Study
+from replay.reproduction.tables import TENTHS, best_pairs, said
 from replay.tuning.simulated import Setup
 from replay.tuning.surfaces import Scores
 

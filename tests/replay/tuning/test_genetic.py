@@ -16,20 +16,9 @@ from replay.example_plans import PX_PER_M, plan
 from replay.tuning import checkpoint
 from replay.tuning.choosing import searched
 from replay.tuning.front import exact_front, hypervolume
-from replay.tuning.genetic import (
-    ALGORITHMS,
-    Algorithm,
-    ControlledElitism,
-    Found,
-    Search,
-    State,
-    evolve,
-    geometric,
-    pareto_fraction,
-    spread,
-    stalled,
-)
+from replay.tuning.genetic import ControlledElitism, evolve, geometric, pareto_fraction, spread
 from replay.tuning.objectives import exact, interpolated
+from replay.tuning.search import ALGORITHMS, Algorithm, Found, Search, State, stalled
 from replay.tuning.simulated import Explored, Setup
 from replay.tuning.surfaces import Tables, Values, grid
 from tests.tuning_worlds import UPDATES, world
