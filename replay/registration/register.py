@@ -26,8 +26,8 @@ APART = 0.1  # of the map's diagonal: nearer places are one
 RUNNERS = 5
 MIRROR = 0.04  # what being mirrored costs of the score: plans seldom are
 # How sure, as a logistic of the lead over the next place, as a share of what the best one leaves
-# unexplained; fitted to 520 random buildings and maps (scripts/score_align.py), a fifth of which
-# are of another building and a fifth of near-copies side by side.
+# unexplained; fitted to 520 random buildings and maps, and held against 144 others since
+# (scripts/score_align.py; the table is in docs/align.md).
 OFFSET, GAIN = -1.75, 11.8
 ROOM, FULL = 0.978, 0.9  # a lead over a score above FULL says no more than over FULL
 NONE_LEFT = 0.3  # the lead where there is no other place
