@@ -71,7 +71,7 @@ def run(log: str, out: Path, *more: str) -> list[str | Path]:
 
 
 @pytest.mark.skipif(ROOTLESS, reason="only root may mount a small disk")
-@pytest.mark.parametrize("kind", ["result", "recording", "export"])
+@pytest.mark.parametrize("kind", ["result", "recording", "export", "table"])
 def test_a_full_disk_is_one_line_and_leaves_nothing(kind: str, home: Path, tmp_path: Path) -> None:
     disk = tmp_path / "disk"
     disk.mkdir()
@@ -88,6 +88,10 @@ def test_a_full_disk_is_one_line_and_leaves_nothing(kind: str, home: Path, tmp_p
             assert done(home, *run("drive.mcap", tmp_path / "x.mcap"))[0] == 0
             (disk / "fill").write_bytes(bytes(16_000))
             words = ["export", tmp_path / "x.mcap", "-o", disk]
+        elif kind == "table":
+            assert done(home, *run("drive.mcap", tmp_path / "x.mcap"))[0] == 0
+            (disk / "fill").write_bytes(bytes(36_000))
+            words = ["rescore", tmp_path / "x.mcap", "--over-time", "-o", disk / "t.csv"]
         code, _, err = done(home, *words)
         assert code == 1, err
         assert "no space left" in err or "is the disk full?" in err

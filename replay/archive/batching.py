@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -158,9 +158,9 @@ def batch(
     if not is_remote(place):
         _make(Path(place))
     out = Batch(place)
-    with Ledger(place) as ledger:
-        for part in ledger.parts():
-            part.unlink(missing_ok=True)
+    with Ledger(place) as ledger, ExitStack() as stack:
+        stack.callback(ledger.clean)  # after runs that were ended
+        ledger.clean()  # after batches that were
         todo = plan_work(asked, ledger, out, retry=retry, force=force, watch=watch)
         memory = max_memory * 1e6 if max_memory else share_of_memory(jobs)
         limits = {"place": place, "timeout": timeout, "memory": memory}

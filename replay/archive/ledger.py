@@ -11,7 +11,7 @@ import fcntl
 import json
 import os
 import sqlite3
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path
 from types import TracebackType
@@ -78,7 +78,11 @@ class Ledger:
             os.close(self._lock)
             hint = "let it end, or give another archive"
             raise FormatError(self.archive, "another batch works on it", hint=hint) from None
-        self._open()
+        try:
+            self._open()
+        except BaseException:
+            os.close(self._lock)
+            raise
         return self
 
     def __exit__(
@@ -94,8 +98,8 @@ class Ledger:
         """The database; one that is damaged, or of another version, is begun anew."""
         path = self.folder / NAME
         for _ in range(2):
+            self._data = sqlite3.connect(path, isolation_level=None)
             try:
-                self._data = sqlite3.connect(path, isolation_level=None)
                 self._data.executescript("PRAGMA journal_mode=WAL; PRAGMA synchronous=NORMAL")
                 (version,) = self._data.execute("PRAGMA user_version").fetchone()
                 (sound,) = self._data.execute("PRAGMA quick_check").fetchone()
@@ -108,23 +112,38 @@ class Ledger:
             self._data.close()
             for left in (path, Path(f"{path}-journal"), Path(f"{path}-wal"), Path(f"{path}-shm")):
                 left.unlink(missing_ok=True)
-        raise FormatError(path, "the ledger cannot be used", hint="delete it: it can be rebuilt")
+        hint = "is the disk full? Else delete it: it can be rebuilt"
+        raise FormatError(path, "the ledger cannot be used", hint=hint)
+
+    def _said(self, words: str, values: tuple[object, ...] = ()) -> list[Any]:
+        """What the database answers.
+
+        Raises:
+            FormatError: it cannot be written: the disk is full, or somebody deleted it.
+        """
+        try:
+            return self._data.execute(words, values).fetchall()
+        except sqlite3.Error as error:
+            hint = f"free some space, or give another folder; {NAME} can be deleted"
+            raise FormatError(
+                self.folder / NAME, f"cannot be written ({error})", hint=hint
+            ) from None
 
     def digest(self, place: str, size: int, state: str, find: Callable[[], str]) -> str:
         """A file's hash, found anew only if its size or state has changed."""
-        row = self._data.execute(
+        row = self._said(
             "SELECT sha FROM hashes WHERE place = ? AND size = ? AND state = ?",
             (place, size, state),
-        ).fetchone()
+        )
         if row:
-            return str(row[0])
+            return str(row[0][0])
         sha = find()
-        self._data.execute("REPLACE INTO hashes VALUES (?, ?, ?, ?)", (place, size, state, sha))
+        self._said("REPLACE INTO hashes VALUES (?, ?, ?, ?)", (place, size, state, sha))
         return sha
 
     def refresh(self) -> dict[str, Entry]:
         """What the archive has, name -> entry, by the files that are there; read where unknown."""
-        rows = self._data.execute("SELECT name, size, state, key, facts FROM results").fetchall()
+        rows = self._said("SELECT name, size, state, key, facts FROM results")
         known = {name: (size, state, key, facts) for name, size, state, key, facts in rows}
         out: dict[str, Entry] = {}
         there = listed(self.archive) if is_remote(self.archive) or self.folder.exists() else {}
@@ -143,23 +162,20 @@ class Ledger:
             if name not in out or not entry.error:  # a result goes before a note of failure
                 out[name] = entry
         for file in known:
-            self._data.execute("DELETE FROM results WHERE name = ?", (file,))
+            self._said("DELETE FROM results WHERE name = ?", (file,))
         return out
 
     def _keep(self, file: str, size: int, state: str, key: str, facts: str) -> None:
-        self._data.execute(
-            "REPLACE INTO results VALUES (?, ?, ?, ?, ?)", (file, size, state, key, facts)
-        )
+        self._said("REPLACE INTO results VALUES (?, ?, ?, ?, ?)", (file, size, state, key, facts))
 
-    def parts(self) -> Iterator[Path]:
-        """What killed batches have left half-written; nobody else writes while we hold the lock."""
-        if not is_remote(self.archive):
-            for folder, _, names in os.walk(self.archive):
-                yield from (
-                    Path(folder, name)
-                    for name in names
-                    if name.startswith(".") and ".part." in name
-                )
+    def clean(self) -> None:
+        """Remove what was left half-written; nobody else writes while we hold the lock."""
+        if is_remote(self.archive):
+            return
+        for folder, _, names in os.walk(self.archive):
+            for name in names:
+                if name.startswith(".") and ".part." in name:
+                    Path(folder, name).unlink(missing_ok=True)
 
 
 def _look(place: str) -> tuple[str, dict[str, Any]]:

@@ -10,8 +10,11 @@ import click
 from replay.cli.run import command as of_run
 from replay.cli.values import POSITIVE, answer
 
-# What is said of one run cannot be said of many, or is said otherwise.
-NOT_HERE = ("logs", "output", "force", "as_json", "view", "rrd", "connect", "quiet")
+# What of a single run's options does not shape its result, or is said otherwise of many.
+NOT_HERE = (
+    *("logs", "output", "force", "as_json", "view", "rrd", "connect", "quiet"),
+    *("viewer_budget", "truth_poses", "metrics", "intervals"),
+)
 
 
 def options_of_run(command: click.Command) -> click.Command:

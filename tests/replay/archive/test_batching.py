@@ -20,7 +20,9 @@ from formats.result_file import read_result
 from replay import batch, rescore, run
 from replay.archive import working
 from replay.archive.ledger import Ledger
+from replay.archive.manifest import FILES
 from replay.cli import _exit_code
+from replay.options import DEFAULTS
 from tests.faults_world import drive
 
 ALL = ["1", "2", "b/1", "b/3"]
@@ -220,6 +222,31 @@ def test_a_bad_log_costs_only_itself(home: Path, monkeypatch: pytest.MonkeyPatch
     assert not (home / "runs" / "bug.failed.json").exists()
 
 
+@pytest.mark.skipif(os.getuid() != 0, reason="only root may mount a small disk")
+@pytest.mark.parametrize("size", ["12k", "96k"])
+def test_a_full_disk_is_one_line_or_failed_logs(
+    size: str, home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    disk = home / "disk"
+    disk.mkdir()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", disk]).returncode:
+        pytest.skip("this machine lets nobody mount a disk")
+    try:
+        code = _exit_code(["batch", "logs", "-o", str(disk), "--prior", "plan.png", "--quiet"])
+        said = capsys.readouterr()
+        assert "Traceback" not in said.err
+        if code == 1:
+            assert len(said.err.splitlines()) == 1
+        else:
+            assert code == 3
+            assert "no space left" in said.out
+        for path in disk.rglob("*.replay.mcap"):
+            read_result(path)
+        assert not [path for path in disk.rglob("*") if ".part" in path.name]
+    finally:
+        subprocess.run(["umount", disk], check=True)
+
+
 def test_two_batches_on_one_archive(home: Path) -> None:
     with Ledger(str(home / "runs")), pytest.raises(FormatError, match="another batch works on it"):
         batch("logs", "runs", prior="plan.png")
@@ -258,6 +285,29 @@ def command(*words: str) -> subprocess.Popen[str]:
         text=True,
         env={**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[3])},
     )
+
+
+def test_the_options_of_run_are_those_of_batch() -> None:
+    """A new option of `run` is one of `Options`, a file, or named in NOT_HERE."""
+    from replay.cli.batch import NOT_HERE
+    from replay.cli.batch import command as verb
+    from replay.cli.run import command as of_run
+
+    own = [
+        "logs",
+        "archive",
+        "retry",
+        "force",
+        "jobs",
+        "cluster",
+        "timeout",
+        "max_memory",
+        "as_json",
+        "quiet",
+    ]
+    taken = {param.name for param in verb.params} - set(own)
+    assert taken == {*DEFAULTS, *FILES}
+    assert {param.name for param in of_run.params} <= {*taken, *NOT_HERE}
 
 
 def test_the_command(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
