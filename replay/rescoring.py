@@ -70,7 +70,7 @@ def options_of(kept: Kept, values: Mapping[str, Any]) -> dict[str, Any]:
             raise UsageError("", f"{name} cannot be changed without the log")
     if kept.settings.get("plan_confidence"):
         problem = "its prior is scaled cell by cell (--plan-confidence): it cannot be re-scored"
-        raise UsageError(kept.path, problem, hint="run its log again")
+        raise FormatError(kept.path, problem, hint="run its log again")
     chosen = {name: kept.settings.get(name, DEFAULTS[name]) for name in (*VALUES, *FIXED)}  # type: ignore[literal-required]
     chosen |= {name: value for name, value in values.items() if value is not None}
     effective(chosen)
