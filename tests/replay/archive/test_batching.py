@@ -304,6 +304,8 @@ def test_the_options_of_run_are_those_of_batch() -> None:
         "max_memory",
         "as_json",
         "quiet",
+        "config",
+        "print_config",
     ]
     taken = {param.name for param in verb.params} - set(own)
     assert taken == {*DEFAULTS, *FILES}
