@@ -111,7 +111,8 @@ def _surface(figure: Figure, ax: Axes, panel: Surface) -> None:
     for points, marker, colour in ((panel.points, ".", "black"), (panel.crosses, "x", "white")):
         if points is not None and len(points):
             ax.plot(points[:, 1], points[:, 0], marker, color=colour, markersize=7)
-    ax.set(title=panel.title, xlabel=panel.labels[1], ylabel=panel.labels[0])
+    ax.set_title(panel.title, fontsize=9)
+    ax.set(xlabel=panel.labels[1], ylabel=panel.labels[0])
     figure.colorbar(image, ax=ax, shrink=0.85)
 
 
