@@ -140,6 +140,16 @@ class McapWriter:
         if len(self._chunk) > CHUNK_SIZE:
             self.close_chunk()
 
+    @property
+    def counts(self) -> list[int]:
+        """Messages of each channel, from the first on, in the chunks that are closed."""
+        return [self._counts[i + 1] for i in range(len(self._groups[r.CHANNEL]))]
+
+    @property
+    def span(self) -> tuple[int, int]:
+        """First and last log time (ns) in the chunks that are closed; zeros where there is none."""
+        return min(self._times, default=0), max(self._times, default=0)
+
     def close_chunk(self) -> None:
         """Write the open chunk and its message indexes."""
         if not self._chunk:

@@ -28,6 +28,7 @@ from formats.media import media_type
 from formats.output import atomic
 from formats.plain_json import now, plain_json
 from formats.result import Curve, Step
+from formats.result_bag import finish_bag
 from formats.result_clouds import add_cloud
 from formats.result_contents import FORMAT, RECORD
 from formats.result_reading import RunFile, read_result
@@ -167,11 +168,10 @@ class ResultWriter:
         if self._last is not None:
             self._keyframes.close(self._frames - 1, self._last)
         with self._part.open("wb") as file:
-            library = f"plan-replay/{version('plan-replay')}"
-            writer = McapWriter(file, "ros2", library)
+            writer = McapWriter(file, "ros2", f"plan-replay/{version('plan-replay')}")
             self._describe({**self._facts, **(facts or {})}, writer)
-            self._messages(ros.Channels(writer))
-            writer.finish()
+            self._messages(channels := ros.Channels(writer))
+            finish_bag(writer, channels)
         self._finished = True
 
     def _describe(self, facts: Mapping[str, Any], writer: McapWriter) -> None:

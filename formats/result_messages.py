@@ -251,6 +251,7 @@ class Channels:
         self._writer = writer
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
+        self.kinds: dict[str, str] = {}  # by topic, in the order of the channels
 
     def add(self, topic: str, kind: str, time: int, data: bytes, sequence: int = 0) -> None:
         """One message of a ROS 2 type."""
@@ -287,5 +288,5 @@ class Channels:
                 self._schemas[kind] = self._writer.schema(kind, "ros2msg", text)
             metadata = {"offered_qos_profiles": qos(latched=topic in LATCHED)}
             number = self._writer.channel(topic, "cdr", self._schemas[kind], metadata)
-            self._channels[topic] = number
+            self._channels[topic], self.kinds[topic] = number, kind
         return self._channels[topic]

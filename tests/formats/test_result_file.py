@@ -553,3 +553,53 @@ def test_what_does_not_fit_together_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FormatError, match="before 1970"):
         write_steps(path, steps(1, start=-5))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_ros2_bag_finds_its_metadata(tmp_path: Path) -> None:
+    """The record "rosbag2" says of the file what rosbags counts in it, and rosbags reads it."""
+    import yaml
+    from mcap.reader import make_reader
+    from rosbags.rosbag2 import Reader
+
+    path = write_run(tmp_path / "result.replay.mcap", 30)
+    with path.open("rb") as file:
+        records = {record.name: record.metadata for record in make_reader(file).iter_metadata()}
+    told = yaml.safe_load(records["rosbag2"]["serialized_metadata"])
+    found = by_rosbags(path)
+    counts = {
+        t["topic_metadata"]["name"]: t["message_count"] for t in told["topics_with_message_count"]
+    }
+    assert counts == {topic: len(messages) for topic, messages in found.items()}
+    assert told["message_count"] == sum(counts.values())
+    times = [time for messages in found.values() for time, _ in messages]
+    assert told["starting_time"]["nanoseconds_since_epoch"] == min(times)
+    assert told["duration"]["nanoseconds"] == max(times) - min(times)
+    assert (told["storage_identifier"], told["relative_file_paths"]) == ("mcap", [path.name])
+    # The same text below its root is a metadata.yaml with which rosbags opens the folder.
+    (tmp_path / "metadata.yaml").write_text(yaml.safe_dump({"rosbag2_bagfile_information": told}))
+    with Reader(tmp_path) as reader:
+        assert reader.message_count == told["message_count"]
+        assert {c.topic: c.msgtype for c in reader.connections} == {
+            t["topic_metadata"]["name"]: t["topic_metadata"]["type"]
+            for t in told["topics_with_message_count"]
+        }
+
+
+def test_definitions_are_the_official_ones(tmp_path: Path) -> None:
+    """Each ROS type's fields in the file are those of Humble, as rosbags ships them."""
+    from mcap.reader import make_reader
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    official = get_typestore(Stores.ROS2_HUMBLE)
+    with write_run(tmp_path / "a.mcap", 5).open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    compared = set()
+    for schema in summary.schemas.values():
+        assert schema.encoding == "ros2msg"
+        for name, definition in get_types_from_msg(schema.data.decode(), schema.name).items():
+            if not name.startswith("replay_msgs/"):
+                assert definition[1] == official.fielddefs[name][1], name
+                compared.add(name)
+    assert {"nav_msgs/msg/OccupancyGrid", "tf2_msgs/msg/TFMessage", "std_msgs/msg/Header",
+            "sensor_msgs/msg/PointCloud2", "geometry_msgs/msg/PoseStamped"} <= compared  # fmt: skip
