@@ -194,6 +194,15 @@ def test_doubles_that_are_no_floats_are_inf() -> None:
     )
 
 
+def test_a_signalling_nan_is_no_reading_and_no_warning() -> None:
+    far = np.array([0x3F800000, 0x7FA00000], np.uint32).view(np.float32)
+    reading = LaserScan(0, "laser", 0.0, 0.1, 0.0, 0.0, 9.0, far)
+    tilted = np.eye(4)
+    tilted[1:3, 1:3] = [[cos(0.04), -sin(0.04)], [sin(0.04), cos(0.04)]]
+    ranges = laser_scan(reading, tilted).ranges.tolist()
+    assert ranges == pytest.approx([1.0, nan], nan_ok=True)
+
+
 def test_the_number_of_beams_may_change() -> None:
     log = drive()
     log.scan(1.95, [1.0] * 7)
