@@ -124,12 +124,21 @@ def patch(lines: Bits, gap: Gap, along: float = 1.3, across: float = 1.3) -> Pat
     ux, uy = (a - x) / unit, (b - y) / unit
     # patch column and row to picture: start + (col - left) * u + (row - middle) * across
     back = np.array([[ux, -uy, x - left * ux + middle * uy], [uy, ux, y - left * uy - middle * ux]])
-    source = lines if coarse <= 1.0 else cv2.dilate(lines, np.ones((2, 2), np.uint8))
-    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    soft = cv2.warpAffine(np.asarray(source) * np.uint8(255), back, (cols, rows), flags=flags)
-    return Patch(
-        (np.asarray(soft) > 100).astype(np.uint8), unit, left, middle, gap.thick / gap.width
-    )
+    corners = np.array([[0, cols, 0, cols], [0, 0, rows, rows], [1, 1, 1, 1]])
+    spread = back @ corners
+    low = np.clip(np.floor(spread.min(axis=1)).astype(int) - 2, 0, None)
+    high = np.ceil(spread.max(axis=1)).astype(int) + 3
+    source = np.ascontiguousarray(lines[low[1] : high[1], low[0] : high[0]])
+    if source.size == 0:
+        soft = np.zeros((rows, cols), dtype=np.uint8)
+    else:
+        back[:, 2] -= low
+        if coarse > 1.0:
+            source = np.asarray(cv2.dilate(source, np.ones((2, 2), np.uint8)), dtype=np.uint8)
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        warped = cv2.warpAffine(source * np.uint8(255), back, (cols, rows), flags=flags)
+        soft = np.asarray(warped, dtype=np.uint8)
+    return Patch((soft > 100).astype(np.uint8), unit, left, middle, gap.thick / gap.width)
 
 
 def _point(p: Doubles) -> tuple[float, float]:

@@ -43,9 +43,9 @@ def gap_doors(
     for one in (*doors, *windows):
         cv2.fillPoly(swept, [np.rint(one.sector()).astype(np.int32)], 1)
     still = lines & (1 - grown(swept, 2 * round(0.06 * door) + 1))
+    kinds = lines & (1 - walls), still, walls
     for gap in find_gaps(walls, door):
         if not any(_shuts(one, gap) for one in (*doors, *windows, *out)):
-            kinds = lines & (1 - walls), still, walls
             out += _read(gap, *(patch(kind, gap) for kind in kinds), door=door)
     return out
 
@@ -64,10 +64,11 @@ def barred_doors(
     large[0] = False
     thick = large[labels].astype(np.uint8)
     out: list[Door] = []
+    free = lines & (1 - thick)
     for gap in find_gaps(thick, door):
         if any(_shuts(one, gap) for one in (*doors, *windows, *out)):
             continue
-        seen = patch(lines & (1 - thick), gap)
+        seen = patch(free, gap)
         share = sliding(seen)
         if share > 0 and closing_lines(seen) < 2:
             out.append(_across(gap, "sliding", share))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -134,3 +135,31 @@ def test_edits_without_a_plan_are_refused(tmp_path: Path) -> None:
     (tmp_path / "my.edits").write_text(EDITS)
     with pytest.raises(UsageError, match="no plan to edit"):
         run(SAMPLES / "turtlebot.mcap", output=tmp_path / "o", plan_edits=tmp_path / "my.edits")
+
+
+@pytest.mark.parametrize(
+    "scale",
+    [
+        {"plan_distance": (0.0, 0.0, 300.0, 400.0, 10.0)},
+        {"plan_dpi": 127.0, "drawing_scale": 100.0},
+    ],
+)
+def test_a_run_takes_the_scale_that_is_said(tmp_path: Path, scale: dict[str, Any]) -> None:
+    """2 cm a pixel: by 10 m over 500 px, or by 127 dots an inch of paper at 1:100."""
+    bare = tmp_path / "bare.png"
+    bare.write_bytes((SAMPLES / "plan.png").read_bytes())
+    found = [
+        run(
+            SAMPLES / "turtlebot.mcap",
+            name,
+            output=tmp_path / f"{name.stem}.mcap",
+            truth=SAMPLES / "truth.png",
+            every=100,
+            **options,
+        ).facts["scores"]
+        for name, options in (
+            (SAMPLES / "plan.png", {}),
+            (bare, {"plan_origin": Pose(-2.4, -4.4, 0.0), **scale}),
+        )
+    ]
+    assert found[0] == found[1]
