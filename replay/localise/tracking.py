@@ -13,11 +13,13 @@ from formats.frame import Floats, Pose, Scan
 from replay.localise.amcl import Amcl, Parameters
 from replay.localise.estimate import Estimate, settled
 from replay.localise.field import Field
-from replay.localise.likelihood import BeamModel, LikelihoodField, Model, Reading, pick
+from replay.localise.likelihood import UNIT, BeamModel, LikelihoodField, Model, Reading, pick
 from replay.localise.motion import Alphas, wrapped
 from replay.localise.options import Options
 from replay.localise.poses import Times
 
+APART = 0.5  # m between two tracks, beyond which they are two answers
+BETTER = 0.97  # of the other's misfit, at which the track from the end is taken
 NOTHING = Reading(Pose(0.0, 0.0, 0.0), np.empty(0), np.empty(0), 1.0)
 
 
@@ -59,6 +61,17 @@ class Track:
         agree = (k for k, covariance in enumerate(self.covariances) if settled(covariance))
         return next(agree, len(self.times_ns))
 
+    @property
+    def ever(self) -> bool:
+        """Whether the particles ever agree."""
+        return self.settled < len(self.times_ns)
+
+    def reversed(self) -> Track:
+        """The same updates from the last to the first."""
+        return Track(
+            self.times_ns[::-1], self.poses[::-1], self.covariances[::-1], self.particles[::-1]
+        )
+
 
 class Used(NamedTuple):
     """A sighting that a filter is updated with."""
@@ -88,8 +101,43 @@ def amcl(
 
     From a global start, what came before the particles agreed is localised again, backwards from
     there, so that the track is right from its first pose. The covariances stay those of the way
-    forward.
+    that the filter went. A corridor that looks the same from both ends is told apart only where
+    the robot leaves it, so that the whole drive is also localised from its end; where the two
+    tracks lie apart, the one from which the readings fit better is taken.
     """
+    if start is not None:
+        return _track(*_followed(gated(sightings, options), field, start, seed, options))
+    used = list(gated(sightings, options))
+    ahead = _track(*_followed(used, field, None, seed, options))
+    behind = _track(*_followed(used[::-1], field, None, seed + 2, options)).reversed()
+    if not behind.ever or (ahead.ever and _apart(ahead, behind) < APART):
+        return ahead
+    if not ahead.ever or _misfit(behind, used, field, options) < BETTER * _misfit(
+        ahead, used, field, options
+    ):
+        return behind
+    return ahead
+
+
+def _apart(a: Track, b: Track) -> float:
+    """Median of the distances between two tracks of the same updates, m."""
+    return float(np.median(np.hypot(*(a.poses - b.poses)[:, :2].T)))
+
+
+def _misfit(track: Track, used: list[Used], field: Field, options: Options) -> float:
+    """Mean cost of a beam from the poses of a track, nats."""
+    model, costs, beams = sensor_model(field, options), 0, 0
+    for pose, one in zip(track.poses, used, strict=True):
+        if one.reading.ranges.size:
+            costs += int(model.costs(pose[None], one.reading)[0])
+            beams += one.reading.ranges.size
+    return costs / (UNIT * max(beams, 1))
+
+
+def _followed(
+    sightings: Iterable[Used], field: Field, start: Estimate | None, seed: int, options: Options
+) -> tuple[list[int], list[Estimate], list[int]]:
+    """Times, estimates and numbers of particles of all updates, in their order."""
     model, settings = sensor_model(field, options), parameters(options)
     coarse = sensor_model(field, {**options, "sigma_hit": 2.0 * options["sigma_hit"]})
     ahead = Amcl(field, model, settings, coarse=coarse, start=start, seed=seed)
@@ -97,7 +145,7 @@ def amcl(
     found: list[Estimate] = []
     particles: list[int] = []
     agreed = start is not None
-    for one in gated(sightings, options):
+    for one in sightings:
         found.append(ahead.update(one.odometry, one.reading))
         particles.append(len(ahead.particles))
         # Readings are held until the particles agree, since they are needed backwards.
@@ -109,8 +157,12 @@ def amcl(
             for k in range(len(found) - 2, -1, -1):
                 pose = back.update(used[k].odometry, used[k].reading).pose
                 found[k] = found[k]._replace(pose=pose)
+    return [one.time_ns for one in used], found, particles
+
+
+def _track(times: list[int], found: list[Estimate], particles: list[int]) -> Track:
     return Track(
-        np.array([one.time_ns for one in used], dtype=np.int64),
+        np.array(times, dtype=np.int64),
         np.array([one.pose for one in found]).reshape(-1, 3),
         np.array([one.covariance for one in found]).reshape(-1, 3, 3),
         np.array(particles, dtype=np.int64),

@@ -184,3 +184,34 @@ def test_the_turtlebot_sees_the_walls_of_its_map(shared_data: Path) -> None:
         near.append(hits)
     log.close()
     assert np.concatenate(near).mean() >= 0.80
+
+
+@pytest.mark.slow
+def test_a_corridor_is_told_from_its_other_end_by_the_room_at_the_end_of_the_drive(
+    shared_data: Path,
+) -> None:
+    """Wean Hall, log 2: turned round, all of the drive but its last tenth fits the map as well."""
+    import cv2
+
+    notes = Notes()
+    log = open_log(shared_data / "carmen/cmu_wean/robotdata2.log.gz", notes)
+    plan = open_plan(shared_data / "carmen/cmu_wean/wean.dat.gz", notes)
+    found = survey(log, notes, poses="odometry")
+    poses = localise(found, plan, seed=1)
+    away = plan.scale * cv2.distanceTransform(
+        (~plan.wall).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE
+    )
+    near = []
+    for k, frame in enumerate(found.frames()):
+        r, b = frame.scan.ranges.astype(float), frame.scan.bearings
+        good = (r > 0.1) & (r < 0.99 * frame.scan.max_range)
+        x, y, yaw = poses.poses[k]
+        cols = ((x + r * np.cos(b + yaw) - plan.corner[0]) / plan.scale)[good].astype(int)
+        rows = ((y + r * np.sin(b + yaw) - plan.corner[1]) / plan.scale)[good].astype(int)
+        inside = (cols >= 0) & (cols < 800) & (rows >= 0) & (rows < 800)
+        hits = np.zeros(len(cols))
+        hits[inside] = away[799 - rows[inside], cols[inside]] <= 0.2
+        near.append(float(hits.mean()) if hits.size else 1.0)
+    log.close()
+    assert np.mean(near[-len(near) // 10 :]) > 0.8  # turned round: 0.70
+    assert poses.settled < len(found)
