@@ -150,7 +150,7 @@ def is_log(path: Path) -> bool:
             return not _is_result(path)
         suffix = path.suffix.lower()
         if wrapper(head):
-            return path.name.lower().removesuffix(suffix).endswith(SURE)
+            return path.name.lower().removesuffix(suffix).endswith((*SURE, ".log", ".clf", ".txt"))
         return suffix in SURE or reader_of(path, head) is not None
     except (OSError, FormatError):
         return path.suffix.lower() in SURE

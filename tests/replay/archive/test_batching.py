@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import os
 import shutil
@@ -117,8 +118,11 @@ def test_what_is_not_a_log_is_passed_over_and_the_same_content_is_done_once(home
     shutil.copy("logs/1.mcap", "logs/copy.mcap")
     Path("logs/again").symlink_to(home / "logs")
     Path("logs/circle").symlink_to("circle")
+    Path("logs/packed.log.gz").write_bytes(gzip.compress(b"PARAM laser_front_laser 0\n"))
+    Path("logs/plan.yaml.gz").write_bytes(gzip.compress(b"image: plan.png\n"))
     found = batch(["logs", "logs/2.mcap"], "runs", prior="plan.png")
     assert sorted(found.done) == ALL
+    assert list(found.failed) == ["packed"]  # a log, but one without a scan
     assert [Path(log).name for log in found.same] == ["copy.mcap"]
 
 
