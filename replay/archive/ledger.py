@@ -194,7 +194,8 @@ def _look(place: str) -> tuple[str, dict[str, Any]]:
 
 def facts_of(facts: dict[str, Any], main: str) -> dict[str, Any]:
     """What the ledger knows of a result's facts."""
-    scores = facts.get("scores") or {}
+    against = facts.get("plan") or facts.get("truth")
+    scores = (facts.get("scores") or {}) if against else {}
     f2 = {name: score.get("f2") for name, score in scores.items()}
     return {"f2": f2, "main": main, "lost": facts.get("lost", 0), "log": facts.get("log", "")}
 

@@ -316,6 +316,13 @@ def test_the_options_of_run_are_those_of_batch() -> None:
     assert {param.name for param in of_run.params} <= {*taken, *NOT_HERE}
 
 
+def test_a_result_that_nothing_was_scored_against_has_no_score(
+    home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert _exit_code(["batch", "logs/1.mcap", "-o", "runs", "--quiet"]) == 0
+    assert capsys.readouterr().out == "1 log: 1 done, 0 there before\n"
+
+
 def test_the_command(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (home / "logs" / "empty.bag").write_bytes(b"")
     words = ["batch", "logs", "-o", "runs", "--prior", "plan.png"]
