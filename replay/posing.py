@@ -155,6 +155,8 @@ def pose(
         notes=notes,
         **{name: options[name] for name in LOCALISING},
     )
+    if laid and options["poses"] == "auto" and settled_after(found) is None:
+        return _fallen_back(decision, drive, notes)
     moved = compose(np.repeat([to_map], len(drive), axis=0), found.poses)
     where = "on the plan" if plan is not None else "without a plan"
     line = f"{decision.method} {where} ({decision.why}), {ending(found)}"
@@ -169,6 +171,15 @@ def pose(
         "settled_s": settled_after(found),
     }
     return Posed(drive.placed(moved, choice), line, facts, found)
+
+
+def _fallen_back(decision: Decision, drive: Drive, notes: Notes) -> Posed:
+    """The log's own poses, under which the plan was laid: they drift, but are no guess."""
+    problem = f"{decision.method} never was certain: the log's odometry is taken, as the plan lies"
+    notes.warn(drive.log.path, problem)
+    line = f"the log's odometry under the plan ({decision.method} never was certain)"
+    facts = {"poses": line, "poses_depend_on": "log", "settled_s": None}
+    return Posed(drive, line, facts)
 
 
 def ending(found: Poses) -> str:

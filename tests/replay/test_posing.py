@@ -25,8 +25,10 @@ TRUTH = way(TOUR)
 AROUND = way(ROUND)[:150]
 
 
-def log_of(truth: list[Pose], frames: Iterable[str] = ("odom",), cell: float = CELL) -> RosLog:
-    """Odometry, or more, in tf, and a lidar of 270 degrees on its mounting."""
+def log_of(
+    truth: list[Pose], frames: Iterable[str] = ("odom",), cell: float = CELL, *, blind: bool = False
+) -> RosLog:
+    """Odometry, or more, in tf, and a lidar of 270 degrees on its mounting; blind: sees nothing."""
     log = RosLog()
     log.static("base_link", "laser", tuple(MOUNT))
     said = drifting(truth)
@@ -37,7 +39,7 @@ def log_of(truth: list[Pose], frames: Iterable[str] = ("odom",), cell: float = C
             log.tf(k / 10, "map", "odom", tuple((ORIGIN @ truth[k]) @ said[k].inverse()))
         log.scan(
             k / 10,
-            sighting.scan.ranges,
+            np.full_like(sighting.scan.ranges, np.inf) if blind else sighting.scan.ranges,
             angle_min=-0.75 * pi,
             increment=1.5 * pi / 89,
             range_min=0.05,
@@ -159,6 +161,38 @@ def test_the_covariance_is_in_the_result(tmp_path: Path, plan: Path) -> None:
     assert not spread[:, 2:5].any()  # in the plane
     poses = read_result(tmp_path / "x.replay.mcap", Notes()).poses
     assert [m.pose.pose.position.x for m in messages] == pytest.approx(poses[:, 0].tolist())
+
+
+@pytest.mark.parametrize("poses", ["auto", "amcl"])
+def test_a_filter_that_never_was_certain_is_warned_of(
+    tmp_path: Path, plan: Path, poses: str
+) -> None:
+    """The lidar sees nothing, so that the robot may be anywhere."""
+    notes = Notes()
+    log = log_of(TRUTH[:30], blind=True)
+    found = mapped(tmp_path, log, plan, poses=poses, notes=notes, max_particles=2000)
+    assert "never certain" in found.facts["poses"]
+    assert found.facts["settled_s"] is None
+    said = [note.problem for note in notes.of("warning")]
+    assert "amcl never was certain of the pose; the map may be wrong" in said
+
+
+def test_a_plan_that_lies_under_the_odometry_is_mapped_by_it_then(
+    tmp_path: Path, plan: Path
+) -> None:
+    """`auto` maps what the placement says, where the filter knows no better."""
+    laid = drifting(TRUTH)[0] @ (ORIGIN @ TRUTH[0]).inverse()
+    log, notes = log_of(TRUTH[:30], blind=True), Notes()
+    found = mapped(tmp_path, log, plan, plan_pose=laid, notes=notes)
+    assert found.facts["poses_depend_on"] == "log"
+    assert found.facts["said"]["poses"][0].startswith("the log's odometry under the plan")
+    said = [note.problem for note in notes.of("warning")]
+    assert any("the log's odometry is taken" in line for line in said)
+    poses = read_result(tmp_path / "x.replay.mcap", Notes()).poses
+    mapped(tmp_path, log, plan, plan_pose=laid, poses="log")
+    assert np.array_equal(read_result(tmp_path / "x.replay.mcap", Notes()).poses, poses)
+    asked = mapped(tmp_path, log, plan, plan_pose=laid, poses="amcl")
+    assert asked.facts["poses"].startswith("amcl on the plan (as asked for)")
 
 
 def test_scans_alone_are_an_error_that_names_the_way_out(tmp_path: Path, plan: Path) -> None:
