@@ -6,6 +6,7 @@ Lengths are in widths of the opening: u along it from the wall's end, v to its l
 from __future__ import annotations
 
 from dataclasses import replace
+from math import radians
 from typing import NamedTuple
 
 import cv2
@@ -14,7 +15,7 @@ import numpy as np
 from replay.drawing.gaps import Doubles, Gap, Patch, find_gaps, patch
 from replay.drawing.ink import Bits, grown, opened
 from replay.drawing.shapes import Door, DoorKind
-from replay.drawing.sliding import closing_lines, folding, pocket, sliding
+from replay.drawing.sliding import calm, closing_lines, folding, pocket, sliding
 
 DRAWN = 0.85  # of a stroke is inked
 FAIRLY = 0.7  # of a few places along it are
@@ -24,6 +25,8 @@ LEAVES = (0.8, 1.1)  # of these, what shuts an opening alone
 HALVES = (0.3, 0.7)  # and what shuts it with another
 SINGLE, DOUBLE = 1.5, 1.2  # door widths: the widest opening of one leaf, the narrowest of two
 TURNS = np.radians(np.arange(20.0, 106.0, 5.0))  # from shut to open
+WIDE = radians(60.0)  # turns of leaves that are drawn open
+SWEPT = (0.15, 0.2)  # share of ink in what a leaf ajar sweeps, and one that is drawn open
 ISLAND = 0.4  # door widths: smaller pieces of thick wall are none
 THICK = 0.15  # door widths: walls to whose ends sliding leaves are drawn as solid bars
 
@@ -70,7 +73,7 @@ def barred_doors(
             continue
         seen = patch(free, gap)
         share = sliding(seen)
-        if share > 0 and closing_lines(seen) < 2:
+        if share > 0 and closing_lines(seen) < 2 and calm(seen):
             out.append(_across(gap, "sliding", share))
     return out
 
@@ -79,14 +82,15 @@ def _read(gap: Gap, seen: Patch, drawn: Patch, solid: Patch, *, door: float) -> 
     """The doors that a gap shows, by its ink without and with the walls' own, and by the walls."""
     if closing_lines(seen) > 1:  # frame and panes of a window
         return []
-    folds = folding(seen)
+    quiet = calm(drawn)
+    folds = folding(seen) if quiet else 0.0
     swinging = [] if folds > 0 else _swing(gap, seen, door)
     if swinging:
         return swinging
     kinds: tuple[tuple[DoorKind, float], ...] = (
         ("folding", folds),
-        ("sliding", sliding(seen) if gap.ends else 0.0),
-        ("pocket", pocket(drawn, solid) if gap.ends else 0.0),
+        ("sliding", sliding(seen) if gap.ends and quiet else 0.0),
+        ("pocket", pocket(drawn, solid) if gap.ends and quiet else 0.0),
     )
     for kind, share in kinds:
         if share > 0:
@@ -112,7 +116,7 @@ def _shuts(door: Door, gap: Gap) -> bool:
 def _swing(gap: Gap, seen: Patch, door: float) -> list[Door]:
     """A leaf that hangs on a jamb with its arc, or two that shut against each other."""
     wider = replace(seen, ink=grown(seen.ink, 3))  # hinges and turns are tried in steps
-    hung = [_hung(wider, jamb) for jamb in (0, 1)]
+    hung = [_hung(wider, seen, jamb) for jamb in (0, 1)]
     if gap.width < SINGLE * door:
         single = [max(leaves, default=None) for leaves in _long(hung, LEAVES[0], 2.0)]
         best = max((leaf for leaf in single if leaf is not None), default=None)
@@ -153,8 +157,8 @@ def _leaf_door(gap: Gap, leaf: _Hung, kind: DoorKind) -> Door:
     return Door(hinge, end, -leaf.turn * leaf.side * away, kind, min(1.0, leaf.score / 2))
 
 
-def _hung(seen: Patch, jamb: int) -> list[_Hung]:
-    """Leaves with their arcs that hang on one jamb."""
+def _hung(seen: Patch, floor: Patch, jamb: int) -> list[_Hung]:
+    """Leaves with their arcs that hang on one jamb; the floor is what they sweep."""
     half = 0.5 * seen.thick
     away = 1.0 if jamb == 0 else -1.0
     out: list[_Hung] = []
@@ -180,7 +184,9 @@ def _hung(seen: Patch, jamb: int) -> list[_Hung]:
             start + (1.08 * length)[:, None] * unit, start + (1.22 * length)[:, None] * unit
         )
         arc = _arcs(seen, start, length, turn, away, side)
-        for k in np.flatnonzero((beyond < 0.5) & (arc >= ARC)):
+        fill = _swept(floor, start, length, turn, away, side)
+        bare = fill < np.where(turn < WIDE, *SWEPT)
+        for k in np.flatnonzero((beyond < 0.5) & (arc >= ARC) & bare):
             u, v = start[k].tolist()
             score = float(leaf[k] + arc[k])
             out.append(_Hung(score, float(length[k]), u, v, jamb, side, float(turn[k])))
@@ -199,3 +205,14 @@ def _arcs(
         v = start[:, 1:] + side * reach * np.sin(t)
         best = np.maximum(best, seen.values(u, v).mean(axis=1))
     return best
+
+
+def _swept(
+    seen: Patch, start: Doubles, length: Doubles, turn: Doubles, away: float, side: int
+) -> Doubles:
+    """Share of ink within the sectors, clear of leaf, arc and wall: floor, not fixtures."""
+    t, r = (a.ravel() for a in np.meshgrid(np.linspace(0.15, 0.85, 12), np.linspace(0.2, 0.85, 16)))
+    angle, reach = t[None, :] * turn[:, None], r[None, :] * length[:, None]
+    u = start[:, :1] + away * reach * np.cos(angle)
+    v = start[:, 1:] + side * reach * np.sin(angle)
+    return np.asarray(seen.values(u, v).mean(axis=1))

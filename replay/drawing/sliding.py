@@ -24,6 +24,8 @@ THIN = 0.14  # its thickness
 FOLDED = 0.92  # of either leg is inked
 FOLDS = (0.1, 0.5)  # length of half a fold along the opening
 WHOLE = 0.9  # of the opening: a line from jamb to jamb
+FLOOR = 0.85  # opening widths: how far to either side a floor is looked for
+CALM = 0.6  # share of a straight way over that floor that may be inked
 
 
 def _rows(seen: Patch, low: float, high: float) -> list[int]:
@@ -46,6 +48,25 @@ def _runs(line: npt.NDArray[np.bool_], bridge: int) -> list[tuple[int, int]]:
 def _line(seen: Patch, row: int) -> npt.NDArray[np.bool_]:
     """Ink along a row, half a stroke of slant allowed."""
     return np.asarray(seen.ink[row - 1 : row + 2].max(axis=0) > 0)
+
+
+def calm(seen: Patch) -> bool:
+    """Whether no stair, shaft or frame lies before the opening, on either side.
+
+    Treads and frames are straight lines, along the opening or across, most of its width long.
+    """
+    n, left = seen.unit, seen.left
+    first, last = left + round(0.1 * n), left + round(0.9 * n)
+    near = max(0.5 * seen.thick, BESIDE) + 0.04
+    for low, high in ((-FLOOR, -near), (near, FLOOR)):
+        rows = _rows(seen, low, high)
+        if len(rows) < 2:
+            continue
+        floor = np.array([_line(seen, row)[first:last] for row in rows])
+        across = floor[:, 1:] | floor[:, :-1]
+        if floor.mean(axis=1).max() > CALM or across.mean(axis=0).max() > CALM:
+            return False
+    return True
 
 
 def sliding(seen: Patch) -> float:

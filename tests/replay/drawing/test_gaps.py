@@ -89,3 +89,34 @@ def test_a_leaf_ajar_with_a_short_arc_is_found() -> None:
     assert np.hypot(door.hinge[0] - 165, door.hinge[1] - 200) < 8
     assert abs(door.width - 69) < 7
     assert abs(door.swing + radians(30)) < radians(6)
+
+
+def test_treads_beside_an_opening_make_no_sliding_door() -> None:
+    """Two rails in the gap are a sliding door on a bare floor, and the foot of a stair else."""
+    sheet = Plan.blank(400, 400)
+    walls = wall_with_gap(0)
+    sheet.gray[walls > 0] = 0
+    sheet.line((165, 197), (203, 197))
+    sheet.line((197, 203), (235, 203))
+    ink = (sheet.gray < 128).astype(np.uint8)
+    (door,) = gap_doors(walls, ink, [], [], 75.0)
+    assert door.kind == "sliding"
+    for y in (222, 234, 246, 258):
+        sheet.line((160, y), (240, y))
+    ink = (sheet.gray < 128).astype(np.uint8)
+    assert gap_doors(walls, ink, [], [], 75.0) == []
+
+
+@pytest.mark.parametrize(("turn_deg", "far"), [(30, (30, 55)), (75, (14, 56))])
+def test_what_a_leaf_would_sweep_is_floor(turn_deg: int, far: tuple[int, int]) -> None:
+    """Hatching and fixtures hold lines that would do for a leaf and an arc."""
+    sheet = Plan.blank(400, 400)
+    walls = wall_with_gap(0)
+    sheet.gray[walls > 0] = 0
+    sheet.leaf((165, 200), (234, 200), -radians(turn_deg))
+    ink = (sheet.gray < 128).astype(np.uint8)
+    assert len(gap_doors(walls, ink, [], [], 75.0)) == 1
+    for x in range(165 + far[0], 165 + far[1], 3):
+        sheet.line((x, 160), (x, 199))
+    ink = (sheet.gray < 128).astype(np.uint8)
+    assert gap_doors(walls, ink, [], [], 75.0) == []
