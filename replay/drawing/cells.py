@@ -41,13 +41,19 @@ class Cells:
     outside: Flags
 
     @classmethod
-    def of(cls, ink: Bits, largest: float) -> Cells:
-        """Take the paper apart along the ink; cells of more than `largest` px count as endless."""
+    def of(cls, ink: Bits, largest: float, narrow: float = 0.0) -> Cells:
+        """Take the paper apart along the ink.
+
+        Cells of more than `largest` px count as endless, unless their edges tell that they are
+        bands of a mean width below `narrow` px: the wall about a whole building is one cell.
+        """
         white = 1 - ink
         count, parts, stats, _ = cv2.connectedComponentsWithStats(white, connectivity=4)
         labels: Labels = np.asarray(parts, dtype=np.int32)
         area = stats[:, cv2.CC_STAT_AREA].astype(np.float64)
         looked_at = area <= largest
+        if narrow > 0:
+            looked_at |= 2 * area < narrow * _edges(labels, count)
         looked_at[0] = False
         flat = np.flatnonzero(looked_at[labels.ravel()])  # rooms and the sheet are most of it
         label = labels.ravel()[flat]
@@ -82,6 +88,10 @@ class Cells:
         """The pixels of some cells."""
         return (chosen & (np.arange(len(chosen)) > 0))[self.labels].astype(np.uint8)
 
+    def edges(self) -> Doubles:
+        """Px sides that each cell shares with ink."""
+        return _edges(self.labels, len(self.area))
+
     def bordering(self, values: npt.NDArray[np.generic]) -> Doubles:
         """Mean of a picture's values over the ink pixels that touch each cell; 0 without any."""
         total, weight = np.zeros(len(self.area)), np.zeros(len(self.area))
@@ -89,6 +99,21 @@ class Cells:
             total += np.bincount(label, value, len(self.area))
             weight += np.bincount(label, minlength=len(self.area))
         return total / np.maximum(weight, 1)
+
+
+def _edges(labels: Labels, count: int) -> Doubles:
+    """Px sides that each cell shares with ink."""
+    out = np.zeros(count)
+    for white, black in _neighbours(labels):
+        out += np.bincount(white[(white > 0) & (black == 0)], minlength=count)
+    return out
+
+
+def _neighbours(labels: Labels) -> Iterator[tuple[Labels, Labels]]:
+    """Labels beside each other, in each of four directions."""
+    for a, b in ((labels[:, :-1], labels[:, 1:]), (labels[:-1], labels[1:])):
+        yield a, b
+        yield b, a
 
 
 def _touching(labels: Labels, values: npt.NDArray[np.generic]) -> Iterator[tuple[Labels, Doubles]]:

@@ -25,6 +25,9 @@ SCRAP = 0.04  # of the largest building's walls: less is no building
 ALL_BOLD = 0.7  # of the bent hollow bands' area: bold lines are what tells walls
 BOLD = 1.3  # times the usual line: the lines of walls where these are drawn bold
 ENDLESS = 40.0  # square door widths: a larger cell is a room, not the room in a wall
+BAND = 0.5  # door widths: but the wall about a building may be as large, being no wider
+BOTH = 1.7  # of a band's length is drawn along its two sides
+ALIKE = 1.25  # ratio within which the widths of walls are alike
 GAP = 0.01  # of the ink: what a gap between the thickness of lines and of walls may hold
 LONG = 2.5  # door widths: strokes of letters are shorter
 SOLID_INK = 0.1  # of all ink: less solid wall than this is no style
@@ -100,11 +103,12 @@ def find_walls(ink: Bits, door: float) -> tuple[Bits, dict[str, Bits]]:
     line = line_thickness(ink, door)
     side = solid_side(ink, line, door)
     solid = ink & grown(opened(ink, side), 3)
-    cells = Cells.of(ink, ENDLESS * door * door)
+    cells = Cells.of(ink, ENDLESS * door * door, BAND * door)
     hatched = _hatched(ink, cells, solid, door)
     walls = solid | hatched
     if _is_hollow_style(ink, walls, line, door):
         hollow = _hollow(ink, cells, walls, line, door)
+        hollow |= _open_bands(ink, cells, hollow, door)
         walls = opened(walls | hollow | ink, side) & grown(walls | hollow, 2 * side + 1)
     walls = _with_cavities(ink, cells, walls, door, side)
     layers["hatching"] = hatched & (1 - solid)
@@ -179,6 +183,23 @@ def _hollow(ink: Bits, cells: Cells, solid: Bits, line: int, door: float) -> Bit
         return cells.pick(bold)
     chosen = cells.pick(narrow & (cells.length > 2 * cells.width))
     return chosen & (1 - opened(chosen | ink, round(BLOCK * door)))
+
+
+def _open_bands(ink: Bits, cells: Cells, hollow: Bits, door: float) -> Bits:
+    """Walls whose two lines are not closed at the ends: long bands as wide as the other walls."""
+    walls = np.bincount(cells.labels.ravel(), hollow.ravel(), len(cells.area)) > 0
+    walls &= cells.length > LONG * door
+    walls[0] = False
+    if not walls.any():
+        return np.zeros_like(ink)
+    least, most = float(cells.width[walls].min()), float(cells.width[walls].max())
+    white = cells.pick(cells.area > ENDLESS * door * door)
+    band = white & (1 - opened(white, round(ALIKE * most)))
+    bands = Cells.of(1 - band, float(ink.size))
+    alike = (bands.width > least / ALIKE) & (bands.width < most * ALIKE)
+    alike &= bands.length > 2 * LONG * door
+    drawn = bands.bordering(ink) * bands.edges()
+    return bands.pick(alike & (drawn > BOTH * bands.length))
 
 
 def _with_cavities(ink: Bits, cells: Cells, walls: Bits, door: float, side: int) -> Bits:

@@ -99,3 +99,21 @@ def test_noise_is_taken() -> None:
 def test_what_is_no_grey_picture_is_refused() -> None:
     with pytest.raises(ValueError, match="grey picture"):
         extract(np.zeros((4, 4, 3), dtype=np.uint8))
+
+
+def test_walls_of_two_lines_that_are_open_at_their_ends_are_solid() -> None:
+    """As where windows are left out: the room in the wall is one with the room outside."""
+    gray = np.full((700, 1000), 255, dtype=np.uint8)
+    truth = np.zeros(gray.shape, dtype=np.bool_)
+    for x0, y0, x1, y1 in ((200, 200, 215, 560), (200, 545, 700, 560), (440, 200, 455, 546)):
+        cv2.rectangle(gray, (x0, y0), (x1, y1), 0, 2)
+        truth[y0 : y1 + 1, x0 : x1 + 1] = True
+    for a, b in ((170, 185), (600, 615)):  # two walls outside, nothing at their ends
+        for y in (a, b):
+            cv2.line(gray, (140, y), (860, y), 0, 2)
+        truth[a : b + 1, 140:861] = True
+    walls = extract(gray, resolution=0.01).walls
+    missed = truth & ~cv2.dilate(walls.astype(np.uint8), np.ones((7, 7))).astype(np.bool_)
+    false = walls & ~cv2.dilate(truth.astype(np.uint8), np.ones((7, 7))).astype(np.bool_)
+    assert missed.sum() < 0.03 * truth.sum()
+    assert false.sum() < 0.03 * truth.sum()
