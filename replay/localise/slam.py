@@ -29,8 +29,11 @@ from replay.localise.tracking import Sighting, Track, moved_on
 LEAST_M, LEAST_RAD = 0.03, 0.02  # deviations of a step by odometry, however short
 UNKNOWN_M, UNKNOWN_RAD = 0.1, 0.15  # of a step without odometry, from that before
 STEADY = 2.0  # standard deviations of the motion that a search reaches, at least
-SHARP = 4.0  # times the information of a match: how surely a pose is drawn around it
+SHARP = 9.0  # times the information of a match: how surely a pose is drawn around it
 POOR = 0.8  # of the usual fit, below which a particle searches instead of only polishing
+# Of a reading's evidence that weighs. Readings that overlap are not independent: with all of it
+# particles are weeded out by noise, and none is left whose map closes when a loop does.
+SHARE = 0.1
 SLOW = 0.05  # of each reading in the usual fit
 ROUNDS = 3  # of smoothing
 TIGHT = np.array([0.05, 0.05, 0.02])  # m, m, rad, that a pose is moved to fit the whole map
@@ -124,7 +127,7 @@ def fastslam(
             poses[p] = found.pose + np.linalg.cholesky(covariance / SHARP) @ noise[p]
             fits[p] = found.fit
             gain = found.worth + 0.5 * float(np.linalg.slogdet(covariance)[1])
-            weights[p] += gain
+            weights[p] += SHARE * gain
             whole[p] += gain
         usual += (SLOW if usual else 1.0) * (float(fits.mean()) - usual)
         insert(maps, poses, one.whole)
