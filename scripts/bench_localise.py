@@ -31,7 +31,7 @@ BEAMS, APERTURE, FAR, CELL, PARTICLES = 180, 1.5 * pi, 25.0, 0.05, 2000
 PILLARS = [(3, 2, 0.3), (-4, 3, 0.5), (2, -4, 0.2), (-3, -3, 0.4), (6, -1, 0.25), (-6, 0, 0.3)]
 HALL = Geometry(260, 380, CELL, -9.5, -6.5)
 SOURCE = Path(__file__).with_name("mrpt_localise.cpp")
-MISSING = "MRPT was not measured; it needs `apt-get install g++ libmrpt-slam-dev`"
+MISSING = "MRPT was not measured; it needs `apt-get install g++ libmrpt-slam-dev mrpt-common`"
 GOAL = 12.0
 Walls = npt.NDArray[np.bool_]
 
@@ -102,14 +102,14 @@ def time_ours(
     return whole, weighing, filtering.estimate.pose
 
 
-def build(folder: Path) -> Path | None:
+def build(folder: Path, source: Path = SOURCE) -> Path | None:
     """MRPT's side, compiled on the spot; None where it cannot be."""
     include = [*Path("/usr/include/mrpt").glob("*/include"), Path("/usr/include/eigen3")]
-    program = folder / "mrpt_localise"
-    parts = ("slam", "maps", "obs", "bayes", "poses", "math", "system", "core")
+    program = folder / source.stem
+    parts = ("slam", "maps", "obs", "bayes", "poses", "math", "random", "config", "system", "core")
     flags = [f"-I{path}" for path in include]
     libraries = [f"-lmrpt-{part}" for part in parts]
-    command = ["g++", "-std=c++17", "-O2", *flags, str(SOURCE), "-o", str(program), *libraries]
+    command = ["g++", "-std=c++17", "-O2", *flags, str(source), "-o", str(program), *libraries]
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False)
     except FileNotFoundError:
