@@ -33,7 +33,7 @@ def located(
     """
     if placement is not None:
         return placed(plan, read_placement(placement))
-    found = align_files(log, plan.path, plan_resolution=plan.resolution, notes=Notes(), **reading)
+    found = align_files(log, plan.path, opened=plan, notes=Notes(), **reading)
     alignment, best = found.alignment, found.alignment.best
     sure = f"confidence {alignment.confidence:.2f}"
     if not alignment.confident:

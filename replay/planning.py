@@ -71,9 +71,11 @@ def read_drawing(
     seconds = perf_counter() - start
     if edits is not None:
         drawing = edited(drawing, edits, steps, Notes() if notes is None else notes)
+    if notes is not None and not drawing.walls.any():
+        notes.warn(plan.path, "no wall is found in it; is it a plan, and the right page?")
     if plan.resolution is not None:
         return Reading(plan, drawing, plan.resolution, "given", seconds)
-    if drawing.door_width > 0:
+    if drawing.doors and drawing.door_width > 0:
         how = f"from door widths, +-{SPREAD / DOOR:.0%}"
         return Reading(plan, drawing, DOOR / drawing.door_width, how, seconds)
     return Reading(plan, drawing, None, "not known: no door tells it", seconds)

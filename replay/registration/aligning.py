@@ -60,6 +60,7 @@ def align_files(
     pins: Sequence[Pin] = (),
     plan_pose: Pose | None = None,
     plan_resolution: float | None = None,
+    opened: Plan | None = None,
     notes: Notes | None = None,
     **reading: Any,
 ) -> Aligned:
@@ -77,6 +78,7 @@ def align_files(
         pins: plan x, y (pixels) and map x, y (pixels or metres); two or more settle the place.
         plan_pose: of the plan's frame in the log's; settles the place.
         plan_resolution: m a pixel of the plan.
+        opened: the plan, where it is open already; None: `prior` is opened.
         notes: gets what was odd.
         reading: options of `formats.stream.survey`, for logs.
 
@@ -90,7 +92,7 @@ def align_files(
     for path in (output, picture):
         if path is not None:
             check_output(path, force=force, inputs=inputs)
-    plan = open_plan(prior, notes, resolution=plan_resolution)
+    plan = opened or open_plan(prior, notes, resolution=plan_resolution)
     seen, map_picture = seen_in(source, notes, **reading)
     metres = map_picture is None
     if pins or plan_pose is not None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from formats.errors import FormatError, Notes
 from formats.plan_file import open_plan
@@ -97,3 +98,25 @@ def test_the_overlay_shows_each_layer_and_names_it(tmp_path: Path) -> None:
         if layer is not None and layer.any():
             assert (picture[:rows][far & layer & ~reading.drawing.walls] == colour).all()
             assert (picture[rows:] == colour).all(axis=-1).any()  # its swatch
+
+
+def test_without_a_door_or_a_wall_nothing_is_made_up(tmp_path: Path) -> None:
+    walls = np.full((300, 400), 255, dtype=np.uint8)
+    walls[60:68, 60:340] = walls[232:240, 60:340] = 0
+    walls[60:240, 60:68] = walls[60:240, 332:340] = 0
+    words = np.full((300, 400), 255, dtype=np.uint8)
+    words[100:103, 100:112] = words[100:120, 105:108] = 0
+    Image.fromarray(walls).save(tmp_path / "walls.png")
+    Image.fromarray(words).save(tmp_path / "words.png")
+    notes = Notes()
+    facts = plan(tmp_path / "walls.png", output=tmp_path / "walls", notes=notes)
+    assert facts["doors_count"] == 0
+    assert facts["wall_pixels"] > 0
+    assert facts["resolution"] is None
+    assert facts["resolution_from"] == "not known: no door tells it"
+    assert not any("no wall" in note.problem for note in notes.of("warning"))
+    facts = plan(
+        tmp_path / "words.png", output=tmp_path / "words", plan_resolution=0.01, notes=notes
+    )
+    assert facts["wall_pixels"] == 0
+    assert any("no wall is found in it" in note.problem for note in notes.of("warning"))

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 from scipy.ndimage import distance_transform_edt
 
 from formats.errors import FormatError, Notes, UsageError
@@ -113,6 +114,27 @@ def test_a_plan_without_a_place_is_laid_under_the_log(tmp_path: Path) -> None:
     there = far[((y - g.y) / 0.05).astype(int), ((x - g.x) / 0.05).astype(int)]
     assert (there <= 0.15).mean() > 0.95
     assert f2(result)["bayes"] > f2(result)["none"] + 0.15
+
+
+def test_the_page_that_is_asked_for_is_laid_under_the_log(tmp_path: Path) -> None:
+    sheet = Image.open(SAMPLES / "plan.png").convert("L")
+    cover = Image.new("L", sheet.size, 255)
+    cover.paste(0, (100, 100, 300, 110))
+    book = tmp_path / "book.pdf"
+    cover.save(book, save_all=True, append_images=[sheet], resolution=127)  # 0.02 m at 1:100
+    notes = Notes()
+    run(
+        SAMPLES / "turtlebot.mcap",
+        book,
+        output=tmp_path / "out.mcap",
+        notes=notes,
+        plan_page=2,
+        plan_dpi=127,
+        drawing_scale=100,
+        every=40,
+    )
+    (said,) = (note.problem for note in notes.of("info") if "placed on the log" in note.problem)
+    assert "0.0200 m/px, turned" in said
 
 
 def test_gates_thin_the_scans(tmp_path: Path) -> None:
