@@ -104,7 +104,7 @@ WRONG = [
     ("--prior drive.mcap", 1, "is a log, not a plan"),
     ("--prior nope.png", 1, "nope.png: does not exist"),
     ("--prior .", 1, "."),
-    ("--connect nonsense", 2, "nonsense: invalid"),
+    ("--connect nonsense", 2, "nonsense: not the address of a viewer"),
     ("--nonsense", 2, "No such option"),
     ("--rrd drive.mcap --force", 1, "also an input"),
     ("--rrd plan.yaml --force", 1, "plan.yaml: the output is also an input"),

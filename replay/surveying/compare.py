@@ -133,7 +133,7 @@ def _pieces(
     inner = (across <= 0) & (across >= -back)
     through = np.asarray(lookup(seen.open, at[:, inner]).all(axis=1))
     left, right = _facing(full, empty, 1), _facing(full, empty, -1)
-    count = max(1, round(len(at) * resolution / PIECE))
+    count = min(len(at), max(1, round(len(at) * resolution / PIECE)))
     edges = np.linspace(0, len(at), count + 1).round().astype(int).tolist()
     for first, last in pairwise(edges):
         rows = slice(first, last)

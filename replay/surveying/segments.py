@@ -63,8 +63,9 @@ def straights(wall: Mask, resolution: float) -> list[Straight]:
     sides.sort(key=lambda side: (-side[0], *side[1], *side[2]))
     taken = np.full(wall.shape, np.nan, np.float32)  # direction of the wall that a cell is part of
     found: list[Straight] = []
+    most = max(1, round(THICKEST / resolution))  # of cells larger than any wall, one
     for _, a, b in sides:
-        found += _joined(wall, taken, a, b, round(THICKEST / resolution), SHORTEST / resolution)
+        found += _joined(wall, taken, a, b, most, SHORTEST / resolution)
     return found
 
 
