@@ -27,6 +27,8 @@ def main() -> None:
     asked: dict[str, Any] = json.loads(sys.argv[1])
     try:
         answer = _draw(asked)
+    except (EOFError, pickle.UnpicklingError):
+        os._exit(0)  # the run was interrupted or killed: nobody listens any more
     except OSError as error:
         answer = str(error)
     except FormatError as error:
