@@ -118,8 +118,8 @@ class Viewer:
         self._index.append(step.index)
         self._times.append(step.frame.time_ns)
         self._poses.extend(step.frame.pose)
-        for split in step.counts.values():
-            self._counts.extend((*split.observed, *split.unobserved))
+        counts = step.counts.values()
+        self._counts.extend([n for split in counts for part in split for n in part])
         wanted = step.index % self._every == 0
         self._points.append(end_points(step.frame) if wanted else None)
         self._last = step

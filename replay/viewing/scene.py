@@ -18,6 +18,7 @@ from replay.pictures import Bools
 BATCH = 256  # frames a batch: small enough to look live, large enough to cost little
 BUDGET = 150.0  # MB that are sent of a run, about
 SCAN_SHARE, SCORE_SHARE, MAP_SHARE = 0.45, 0.15, 0.4  # of the budget
+MOST_SCANS = 9000  # drawn of a run: a quarter of an hour at 10 Hz; more cost time and show little
 SCAN_BYTES, SCORE_BYTES = 8 * MOST_POINTS, 500  # of a frame, about
 
 
@@ -93,7 +94,7 @@ class Scene:
 def strides(frames: int, budget: float) -> tuple[int, int]:
     """Every how many frames a scan is sent, and the scores, so that they fit the budget (MB)."""
     size = budget * 1e6
-    scans = round(frames * SCAN_BYTES / (size * SCAN_SHARE))
+    scans = max(round(frames * SCAN_BYTES / (size * SCAN_SHARE)), frames // MOST_SCANS)
     scores = round(frames * SCORE_BYTES / (size * SCORE_SHARE))
     return max(1, scans), max(1, scores)
 
