@@ -14,6 +14,7 @@ Cells = npt.NDArray[np.int8]
 Picture = tuple[Grey, Cells]
 INK = 128  # grey below half of white is ink
 FAINTEST = 32  # greys between paper and ink that is paler than that
+BETWEEN, PAPER, PHOTO = (64, 193), 12, 0.2  # greys of no ink; around the paper's own; their share
 MAP_GREYS = ((205, 205), (127, 128))  # how maps without their yaml show the unknown
 
 
@@ -44,6 +45,9 @@ def drawn(path: Path, grey: Grey, invert: bool | None, notes: Notes) -> Picture:
         (np.bincount(grey[rows].ravel(), minlength=256) for rows in strips(*grey.shape)),
         start=np.zeros(256, dtype=np.int64),
     )
+    if (share := shaded(counts)) > PHOTO:
+        what = "shades of grey, as in a photograph: walls found in it mean little"
+        notes.warn(path, f"{100 * share:.0f} % of its pixels are {what}")
     occupancy = np.multiply(grey < ink_level(path, counts, notes), 100, dtype=np.int8)
     ends = counts[:6].sum() + counts[250:].sum()
     for low, high in MAP_GREYS:
@@ -54,6 +58,18 @@ def drawn(path: Path, grey: Grey, invert: bool | None, notes: Notes) -> Picture:
             occupancy[(grey >= low) & (grey <= high)] = -1
             break
     return grey, occupancy
+
+
+def shaded(counts: npt.NDArray[np.int64]) -> float:
+    """Share of pixels, of (256,) by grey, that are no ink, no paper and none of three flat tones.
+
+    Drawings have few: a scan's lie about its paper, a coloured plan's and a map's in single tones.
+    """
+    between = counts[slice(*BETWEEN)].copy()
+    paper = int(np.argmax(counts[BETWEEN[0] :]))  # the ink may be of one grey, the paper of many
+    between[max(0, paper - PAPER) : max(0, paper + PAPER + 1)] = 0
+    between[np.argsort(between)[-3:]] = 0
+    return float(between.sum() / max(int(counts.sum()), 1))
 
 
 def ink_level(path: Path, counts: npt.NDArray[np.int64], notes: Notes) -> int:

@@ -43,6 +43,9 @@ BENCHMARKS = [
     ),
     Table("Mapping", "Microseconds a scan; MRPT is C++.", "python -m scripts.bench_map"),
     Table("Localisation", "A filter update; MRPT is C++.", "python -m scripts.bench_localise"),
+    Table("FastSLAM", "The Intel log; MRPT is C++.", "python -m scripts.bench_slam"),
+    Table("Tuning", "Surfaces and fronts from sorted evidence.", "python -m scripts.bench_tune"),
+    Table("Re-scoring", "Results a second, files read.", "python -m scripts.bench_rescore"),
     Table("End to end", "`replay run` as a whole process.", "python -m scripts.bench_run"),
 ]
 QUALITY = [
@@ -55,6 +58,9 @@ QUALITY = [
         "Placement: Halmstad", "18 maps on their layouts.", "python -m scripts.score_align halmstad"
     ),
     Table("Placement: a real drawing", "UJI's maps.", "python -m scripts.score_align uji"),
+    Table("Door symbols", "Share found.", "python -m scripts.score_symbols symbols"),
+    Table("Cut recordings", "Messages that readers get.", "python -m scripts.score_damage"),
+    Table("F2 on recorded logs", "See prior.md.", "python -m scripts.prior_worth DATA"),
     Table(
         "Placement: how sure it says it is",
         "Random flats, half of them of another building.",
