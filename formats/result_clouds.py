@@ -42,5 +42,10 @@ def cloud_points(data: bytes) -> Points:
 
 
 def add_cloud(channels: ros.Channels, time_ns: int, points: Points) -> None:
-    """The cloud of a keyframe on its topic."""
+    """The cloud of a keyframe on its topic, in a chunk with no other cloud.
+
+    Rerun makes one chunk of the frames of all clouds in a chunk and one of each cloud's points:
+    with two clouds these overlap in time, which `rerun mcap check --full` calls a problem.
+    """
+    channels.close_chunk()
     channels.add("/scan_points", CLOUD, time_ns, point_cloud(time_ns, points))
