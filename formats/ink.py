@@ -45,9 +45,9 @@ def drawn(path: Path, grey: Grey, invert: bool | None, notes: Notes) -> Picture:
         (np.bincount(grey[rows].ravel(), minlength=256) for rows in strips(*grey.shape)),
         start=np.zeros(256, dtype=np.int64),
     )
-    if (share := shaded(counts)) > PHOTO:
+    if (shades := shaded(counts)) > PHOTO:
         what = "shades of grey, as in a photograph: walls found in it mean little"
-        notes.warn(path, f"{100 * share:.0f} % of its pixels are {what}")
+        notes.warn(path, f"{100 * shades:.0f} % of its pixels are {what}")
     occupancy = np.multiply(grey < ink_level(path, counts, notes), 100, dtype=np.int8)
     ends = counts[:6].sum() + counts[250:].sum()
     for low, high in MAP_GREYS:
