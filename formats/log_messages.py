@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from formats.frame import Pose
 from formats.messages import LaserScan, RangeReading
-from formats.result_messages import GRID, POSE, TF, encode, header, make, ros_pose, stamp
+from formats.results.messages import GRID, POSE, TF, encode, header, make, ros_pose, stamp
 
 SCAN = "sensor_msgs/msg/LaserScan"
 RANGE = "sensor_msgs/msg/Range"

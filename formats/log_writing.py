@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 
 from formats.errors import Path as AnyPath
 from formats.errors import UsageError
-from formats.mcap_writing import McapWriter
+from formats.mcap.writing import McapWriter
 from formats.output import atomic, atomic_folder
-from formats.result_messages import LATCHED, Channels, store
+from formats.results.messages import LATCHED, Channels, store
 
 LIBRARY = "plan-replay"
 

@@ -19,10 +19,10 @@ from formats.standard_input import STDIN, copied
 
 # Container -> module with fits(path, head) and open_file(path, notes, max_chunk). One line each.
 READERS = {
-    "ROS 1 bag": "formats.bag",
-    "MCAP": "formats.mcap_log",
-    "rosbag2": "formats.rosbag2",
-    "CARMEN": "formats.carmen",
+    "ROS 1 bag": "formats.bag.log",
+    "MCAP": "formats.mcap.log",
+    "rosbag2": "formats.rosbag2.log",
+    "CARMEN": "formats.carmen.log",
 }
 HEAD = 4096
 MAX_CHUNK = 256 << 20

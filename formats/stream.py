@@ -17,26 +17,26 @@ from typing import Literal, TypedDict, Unpack
 import numpy as np
 import numpy.typing as npt
 
-from formats.cameras import calibration, info_topic
-from formats.candidates import pose_topics, scan_topics
-from formats.choice import Wishes, best_way, no_poses, pick_scan, ways
-from formats.clock import SECOND, Clock, Times
-from formats.depth import SLAB
-from formats.drive import Drive
-from formats.echo import ECHOES, Echo
+from formats.depth.cameras import calibration, info_topic
+from formats.depth.scans import SLAB
 from formats.errors import Notes, UsageError
-from formats.explaining import tell_choice, tell_frame, tell_missing, tell_odometry
 from formats.frame import Frame, Pose
-from formats.gathering import Gathered, ScanTimes, gather
 from formats.log import Log, Topic
 from formats.opening import READERS, open_log
-from formats.ring import ringed
-from formats.robots import of_others
-from formats.sensing import SENSORS
-from formats.sensor import Look
-from formats.sifting import plausible_sweeps, sift, tell_aim, tell_attitude, tell_clock
-from formats.track import MAX_GAP_NS
-from formats.way import Way, blocks, flat
+from formats.sensing.echo import ECHOES, Echo
+from formats.sensing.ring import ringed
+from formats.sensing.scans import SENSORS
+from formats.sensing.sensor import Look
+from formats.streaming.candidates import pose_topics, scan_topics
+from formats.streaming.choice import Wishes, best_way, no_poses, pick_scan, ways
+from formats.streaming.clock import SECOND, Clock, Times
+from formats.streaming.drive import Drive
+from formats.streaming.explaining import tell_choice, tell_frame, tell_missing, tell_odometry
+from formats.streaming.gathering import Gathered, ScanTimes, gather
+from formats.streaming.robots import of_others
+from formats.streaming.sifting import plausible_sweeps, sift, tell_aim, tell_attitude, tell_clock
+from formats.streaming.track import MAX_GAP_NS
+from formats.streaming.way import Way, blocks, flat
 
 __all__ = ["READERS", "Drive", "Options", "frames", "open_log", "survey"]
 

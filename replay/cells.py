@@ -13,7 +13,7 @@ from formats.errors import Notes
 from formats.frame import Pose
 from formats.grid import Geometry
 from formats.jit import njit
-from formats.plan_file import Plan
+from formats.plans.file import Plan
 
 Rule = Literal["any", "majority", "fraction"]
 Counted = npt.NDArray[np.uint32]

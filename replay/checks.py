@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from formats.clock import SECOND, Times, strays
-from formats.drive import Drive
 from formats.errors import Notes
 from formats.log import Container
-from formats.sifting import LONG_GAP_S, YEAR_S, lag_s, seconds
-from formats.track import Track, Why
+from formats.streaming.clock import SECOND, Times, strays
+from formats.streaming.drive import Drive
+from formats.streaming.sifting import LONG_GAP_S, YEAR_S, lag_s, seconds
+from formats.streaming.track import Track, Why
 
 UNEVEN = 0.1  # share of steps between scans above twice the usual one that is worth a word
 FROZEN = 0.5  # share of scans that repeat the ranges of the one before

@@ -10,7 +10,7 @@ from formats.errors import FormatError, Notes
 from formats.errors import Path as AnyPath
 from formats.frame import Pose
 from formats.output import check_output, write_image, write_text
-from formats.result_file import RunFile, read_result
+from formats.results.file import RunFile, read_result
 from replay.exporting import FrameName, stem_of
 from replay.surveying.compare import TOLERANCE
 from replay.surveying.deviations import Deviations, deviations

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from formats.errors import Notes
-from formats.plan_edits import PlanEdits
-from formats.plan_file import Plan
+from formats.plans.edits import PlanEdits
+from formats.plans.file import Plan
 from replay.cells import leaves_unknown
 from replay.drawing import Drawing, extract, shows_doors
 from replay.drawing.confidence import confidence

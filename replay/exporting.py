@@ -16,11 +16,11 @@ from formats.errors import FormatError, Notes, UsageError
 from formats.errors import Path as AnyPath
 from formats.frame import Pose
 from formats.grid import Evidence
-from formats.map_file import write_map
 from formats.output import check_output, write_image, write_text
+from formats.plans.map_file import write_map
 from formats.result import Counts
-from formats.result_file import RunFile, read_result
-from formats.result_records import ratios
+from formats.results.file import RunFile, read_result
+from formats.results.records import ratios
 from formats.trajectory import write_tum
 
 FrameName = Literal["plan", "map"]

@@ -8,10 +8,10 @@ from math import isfinite
 from os import PathLike
 from typing import Any, Unpack
 
-from formats.drive import Drive
 from formats.errors import FormatError, Notes, UsageError
 from formats.log import Container, Log
 from formats.stream import Options, open_log, survey
+from formats.streaming.drive import Drive
 from replay.checks import Check, checks_of, damage
 from replay.tallying import Tallied, Tally, described
 

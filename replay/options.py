@@ -7,12 +7,12 @@ from math import inf
 from os import PathLike
 from typing import Any
 
-from formats.depth import SLAB
-from formats.echo import Echo
+from formats.depth.scans import SLAB
 from formats.errors import UsageError
 from formats.frame import Pose
 from formats.grid import Update
-from formats.paper import Distance
+from formats.plans.paper import Distance
+from formats.sensing.echo import Echo
 from replay.cells import Rule
 from replay.drawn import PlanMethod
 from replay.localise import options as localising

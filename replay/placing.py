@@ -6,8 +6,8 @@ from os import PathLike
 from typing import Any
 
 from formats.errors import FormatError, Notes
-from formats.placement import read_placement
-from formats.plan_file import Plan
+from formats.plans.file import Plan
+from formats.plans.placement import read_placement
 from replay.registration.aligning import align_files
 from replay.registration.placing import placed
 

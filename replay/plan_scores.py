@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from formats.annotations import Truth, filled
+from formats.plans.annotations import Truth, filled
 from replay.drawing.shapes import Door, Drawing
 
 Mask = npt.NDArray[np.bool_]

@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from formats.annotations import read_truth
 from formats.errors import Notes
 from formats.errors import Path as AnyPath
 from formats.grid import Geometry, Grid, logit
-from formats.map_file import write_map
 from formats.output import check_output, write_image, write_text
-from formats.plan_edits import PlanEdits, read_plan_edits
-from formats.plan_file import Plan, open_plan
+from formats.plans.annotations import read_truth
+from formats.plans.edits import PlanEdits, read_plan_edits
+from formats.plans.file import Plan, open_plan
+from formats.plans.map_file import write_map
 from replay.drawing import Drawing, Method, extract
 from replay.drawing.editing import edited
 from replay.plan_pictures import overlay
@@ -156,7 +156,7 @@ def plan(
         path: the drawing.
         method: "structural" or "georgiou".
         truth: CVC-FP's SVG, mlstructfp's JSON, or a mask.
-        edits: a file of edits by hand, see `formats.plan_edits`.
+        edits: a file of edits by hand, see `formats.plans.edits`.
         output: stem of the files' names; None: the drawing's, in the current folder.
         plan_resolution: m a pixel.
         plan_page: of a PDF, from 1.

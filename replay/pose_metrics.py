@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formats.frame import Floats
-from formats.track import Track, Why, breaks, inverse, matrices
+from formats.streaming.track import Track, Why, breaks, inverse, matrices
 from formats.trajectory import Trajectory
 
 Unit = Literal["frames", "m", "rad", "deg"]

@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from formats.drive import Drive
 from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Floats
 from formats.relations import read_relations
 from formats.stream import survey
+from formats.streaming.drive import Drive
 from formats.trajectory import Trajectory, read_tum
 from replay import pose_metrics as metrics
 from replay.pose_relations import relation_errors

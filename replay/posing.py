@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from formats.drive import Drive
 from formats.errors import Notes, UsageError
-from formats.explaining import tell_odometry
 from formats.frame import Floats, Pose
-from formats.plan import Plan
-from formats.plan_edits import PlanEdits
+from formats.plans.edits import PlanEdits
+from formats.plans.plan import Plan
 from formats.stream import PoseWish
+from formats.streaming.drive import Drive
+from formats.streaming.explaining import tell_odometry
 from replay.drawn import PlanMethod, taken_apart
 from replay.localise.localising import LOCALISERS, NEEDS_PLAN, localise
 from replay.localise.options import DEFAULTS as LOCALISING

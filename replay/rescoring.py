@@ -11,9 +11,19 @@ import numpy.typing as npt
 
 from formats.errors import FormatError, UsageError
 from formats.grid import Evidence, Floats, Geometry, terms
-from formats.groups import ANY, DOOR, KINDS, MOST, OUTSIDE, WINDOW, Groups, grouped, scored_cells
 from formats.result import Curve
-from formats.result_kept import Kept
+from formats.results.groups import (
+    ANY,
+    DOOR,
+    KINDS,
+    MOST,
+    OUTSIDE,
+    WINDOW,
+    Groups,
+    grouped,
+    scored_cells,
+)
+from formats.results.kept import Kept
 from replay.cells import CellLayers
 from replay.options import DEFAULTS, effective
 from replay.prior import informative

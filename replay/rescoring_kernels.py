@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from formats.grid import Counted, Floats
-from formats.groups import TRUTH, Kinds
 from formats.jit import njit
+from formats.results.groups import TRUTH, Kinds
 
 Ints = npt.NDArray[np.int64]
 

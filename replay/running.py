@@ -17,11 +17,11 @@ import numpy as np
 from formats.errors import Notes, UsageError
 from formats.frame import Pose
 from formats.output import check_output
-from formats.plan_edits import read_plan_edits
-from formats.plan_file import open_plan
-from formats.prior_values import read_prior_values
+from formats.plans.edits import read_plan_edits
+from formats.plans.file import open_plan
+from formats.plans.prior_values import read_prior_values
 from formats.result import Result
-from formats.result_file import ResultWriter
+from formats.results.file import ResultWriter
 from formats.stream import open_log, survey
 from replay import facts, measuring
 from replay.mapper import Mapper

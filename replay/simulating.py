@@ -14,7 +14,7 @@ import numpy as np
 from formats.errors import FormatError, Notes, UsageError, printable
 from formats.log_writing import Recorded, check_suffix, write_log
 from formats.output import check_output
-from formats.plan_file import Plan, open_plan
+from formats.plans.file import Plan, open_plan
 from replay.drawn import taken_apart
 from replay.simulator.building import build
 from replay.simulator.options import Options, effective

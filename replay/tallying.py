@@ -8,13 +8,13 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
-from formats.clock import SECOND
 from formats.errors import printable
-from formats.gathering import decoder_of
 from formats.log import Container, Log, Message, Topic
 from formats.messages import Transforms
-from formats.ros import Undecodable
-from formats.tf import plain
+from formats.ros.decoders import Undecodable
+from formats.streaming.clock import SECOND
+from formats.streaming.gathering import decoder_of
+from formats.streaming.tf import plain
 
 MOST_EDGES = 1000  # pairs of frames that are told of one topic; damaged names are endless
 FEW_EDGES = 6

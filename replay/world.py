@@ -12,8 +12,8 @@ import numpy.typing as npt
 from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Pose
 from formats.grid import Geometry, Grid, Update
-from formats.plan_edits import PlanEdits
-from formats.plan_file import Extent, Plan, overlap
+from formats.plans.edits import PlanEdits
+from formats.plans.file import Extent, Plan, overlap
 from formats.result import Curve
 from replay.cells import CellLayers, Rule, cell_layers, count_walls, mean_values, truth_cells
 from replay.drawn import Openings, PlanMethod, taken_apart

@@ -19,11 +19,12 @@ import numpy as np
 import zstandard
 from mcap.reader import make_reader
 
-from formats import mcap_log, ros
-from formats.cameras import CAMERA_TYPES
-from formats.depth import SLAB, depth_scan, levelled, scaled, view_of
+from formats.depth.cameras import CAMERA_TYPES
+from formats.depth.scans import SLAB, depth_scan, levelled, scaled, view_of
 from formats.errors import Notes
+from formats.mcap import log as mcap_log
 from formats.messages import CameraInfo, Image
+from formats.ros import decoders as ros
 from scripts.kinect import FOCAL, HEIGHT, RATE, ROWS, write_log
 from scripts.timing import medians
 

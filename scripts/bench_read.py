@@ -25,9 +25,10 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from formats import mcap_log, ros
 from formats.errors import Notes
-from formats.scanning import scanner
+from formats.mcap import log as mcap_log
+from formats.ros import decoders as ros
+from formats.streaming.scanning import scanner
 from scripts import bench_depth
 from scripts.timing import medians
 

@@ -17,7 +17,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from formats.result_kept import read_kept
+from formats.results.kept import read_kept
 from replay import rescore, run
 from replay.rescoring import at_the_end
 from scripts.bench_run import make_log

@@ -20,11 +20,11 @@ from typing import Unpack
 
 import numpy as np
 
-from formats.drive import Drive
 from formats.errors import Notes
 from formats.frame import Floats
 from formats.relations import Relations, read_relations
 from formats.stream import open_log, survey
+from formats.streaming.drive import Drive
 from replay.localise.localising import localise
 from replay.localise.options import Options
 from replay.localise.poses import carried

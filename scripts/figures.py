@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from formats.errors import Notes
-from formats.plan_file import open_plan
+from formats.plans.file import open_plan
 from replay import report, run, view
 from replay.simulator.building import build
 from replay.simulator.options import Options, effective

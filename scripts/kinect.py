@@ -22,7 +22,7 @@ from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
 from formats.jit import njit
-from formats.result_file import read_result
+from formats.results.file import read_result
 from replay import run
 from scripts.flat import cast, drive, real_boxes
 

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from formats.annotations import read_truth
 from formats.errors import Notes
-from formats.plan_file import open_plan
+from formats.plans.annotations import read_truth
+from formats.plans.file import open_plan
 from replay.drawing import extract
 from replay.drawing.confidence import SHARES, kinds
 from scripts.score_drawings import ROOT, drawings

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Pose
 from formats.result import Result
-from formats.result_records import ratios
+from formats.results.records import ratios
 from replay import figures, run
 from replay.figures import Chart, Line
 

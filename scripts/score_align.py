@@ -23,9 +23,9 @@ import numpy.typing as npt
 
 from formats.errors import Notes
 from formats.frame import Pose
-from formats.ink import drawn
 from formats.output import write_image
-from formats.plan_file import Plan, open_plan
+from formats.plans.file import Plan, open_plan
+from formats.plans.ink import drawn
 from replay.registration.overlay import overlay
 from replay.registration.register import SURE, align
 from replay.registration.seen import Seen, points_of, seen_in_map

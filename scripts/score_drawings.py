@@ -17,9 +17,9 @@ from time import perf_counter
 
 import numpy as np
 
-from formats.annotations import read_truth
 from formats.errors import Notes
-from formats.plan_file import open_plan
+from formats.plans.annotations import read_truth
+from formats.plans.file import open_plan
 from replay.drawing import Method, extract
 from replay.plan_scores import score
 

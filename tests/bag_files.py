@@ -11,7 +11,7 @@ from pathlib import Path
 
 import lz4.frame
 
-from formats import bag
+from formats.bag import log as bag
 from formats.errors import Notes
 from formats.log import Log
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from formats.depth import levelled
+from formats.depth.scans import levelled
 from formats.messages import CameraInfo, Image
 
 Floats = npt.NDArray[np.float64]

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from formats.drive import Drive
 from formats.errors import Notes
 from formats.frame import Frame
 from formats.stream import survey
+from formats.streaming.drive import Drive
 from tests.ros_logs import RosLog
 
 BEAMS = [1.0, 2.0, 3.0, 4.0, 5.0]

@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from formats import mcap_records as r
 from formats.compression import zstd
+from formats.mcap import records as r
 from tests.faults_case import Given, Table
 from tests.faults_world import definitions, drive, mcap_of, messages
 from tests.mcap_files import ALL, McapBytes, chunk, message, raw

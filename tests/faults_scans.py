@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from formats import mcap_records as r
 from formats.grid import Evidence
+from formats.mcap import records as r
 from tests.faults_case import Given, Table
 from tests.faults_world import (
     BEAMS,

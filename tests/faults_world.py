@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from formats import mcap_records as r
+from formats.mcap import records as r
 from tests.mcap_files import McapBytes
 from tests.pictures import png
 from tests.ros_logs import RosLog, store

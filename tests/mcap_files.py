@@ -12,7 +12,7 @@ from zlib import crc32
 
 import lz4.frame
 
-from formats import mcap_records as r
+from formats.mcap import records as r
 
 if sys.version_info >= (3, 14):
     from compression import zstd

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from formats.drive import Drive
 from formats.errors import Notes
 from formats.stream import survey
+from formats.streaming.drive import Drive
 from tests.ros_logs import RosLog
 
 RANGES = [1.0, 2.0, 3.0]

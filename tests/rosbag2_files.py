@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from formats import rosbag2
 from formats.errors import Notes
+from formats.rosbag2 import log as rosbag2
 from tests.bag_files import Raw, raws
 
 

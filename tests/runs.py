@@ -11,7 +11,7 @@ import numpy as np
 from formats.frame import Frame, Pose, Scan
 from formats.grid import Evidence, Geometry, Grid, logit
 from formats.result import Counts, Curve, Split, Step
-from formats.result_file import ResultWriter
+from formats.results.file import ResultWriter
 
 GEOMETRY = Geometry(12, 17, 0.05, -0.2, 0.35)
 SCAN = Scan(np.zeros(1), np.ones(1), np.ones(1, dtype=np.float32), 0.1, 10.0)

@@ -69,7 +69,7 @@ def test_a_flag_goes_before_the_file_and_the_file_before_the_default(tmp_path: P
     facts = json.loads(done.stdout)
     assert facts["scans"] == 21
     assert facts["sensor"]["bayes"] == "0.9 / 0.35"
-    from formats.result_file import read_result
+    from formats.results.file import read_result
 
     settings = read_result(tmp_path / "turtlebot.replay.mcap").settings
     assert (settings["p_hit"], settings["p_miss"], settings["every"]) == (0.9, 0.35, 40)

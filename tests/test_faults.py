@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from formats.grid import Evidence
-from formats.result_file import RunFile, read_result
+from formats.results.file import RunFile, read_result
 from replay.cli import _exit_code
 from tests import (
     faults_containers,

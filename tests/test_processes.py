@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from formats.result_file import read_result
+from formats.results.file import read_result
 from replay.cli import _exit_code
 from tests.faults_world import BEAMS, STEPS, drive, path, ranges_at, scans, write_plan
 

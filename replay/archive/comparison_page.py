@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from formats.result_kept import Kept, read_kept
+from formats.results.kept import Kept, read_kept
 from replay.archive.comparing import Comparison, Side
 from replay.archive.finding import results_in
 from replay.archive.places import local

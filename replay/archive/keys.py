@@ -9,10 +9,10 @@ from importlib.metadata import version
 from pathlib import Path
 
 from formats.errors import FormatError, Notes
-from formats.grid_in_log import topic_in
 from formats.plain_json import plain
-from formats.plan_file import open_plan
-from formats.result_contents import FORMAT
+from formats.plans.file import open_plan
+from formats.plans.grid_in_log import topic_in
+from formats.results.contents import FORMAT
 from replay.archive.ledger import Ledger
 from replay.archive.manifest import Job
 from replay.archive.places import is_remote, local, near, remote_version, speaking, walked

@@ -18,7 +18,7 @@ from types import TracebackType
 from typing import Any, NamedTuple
 
 from formats.errors import FormatError
-from formats.result_kept import read_kept
+from formats.results.kept import read_kept
 from replay.archive.finding import FAILED
 from replay.archive.places import RESULT, home, is_remote, join, listed, local
 

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from formats.errors import FormatError, Notes, UsageError, printable
-from formats.prior_values import read_prior_values
+from formats.plans.prior_values import read_prior_values
 from formats.result import Counts
-from formats.result_kept import Kept, read_kept
+from formats.results.kept import Kept, read_kept
 from replay.archive.finding import FAILED, Found, places, results_in
 from replay.archive.places import RESULT, Place, local
 from replay.rescoring import VALUES, at_the_end, needs_layers, options_of, through_time

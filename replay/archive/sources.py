@@ -12,10 +12,10 @@ from typing import Any
 
 from formats.compression import wrapper
 from formats.errors import FormatError, UsageError
-from formats.mcap_log import fits as is_mcap
-from formats.mcap_records import METADATA, METADATA_INDEX
+from formats.mcap.log import fits as is_mcap
+from formats.mcap.records import METADATA, METADATA_INDEX
 from formats.opening import HEAD, reader_of
-from formats.result_contents import RECORD
+from formats.results.contents import RECORD
 from replay.archive.finding import MAGIC
 from replay.archive.manifest import SUFFIXES, Job, read_manifest
 from replay.archive.places import RESULT, Place, is_remote, join, listed

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from formats.errors import FormatError, Notes
-from formats.result_kept import Kept, read_kept
+from formats.results.kept import Kept, read_kept
 from replay.archive.finding import results_in
 from replay.archive.places import Place, local
 from replay.archive.rescored import failures

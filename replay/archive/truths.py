@@ -9,9 +9,9 @@ import numpy as np
 
 from formats.errors import FormatError, Notes
 from formats.frame import Pose
-from formats.groups import grouped, scored_cells
-from formats.plan_file import Plan, open_plan
-from formats.result_kept import Kept
+from formats.plans.file import Plan, open_plan
+from formats.results.groups import grouped, scored_cells
+from formats.results.kept import Kept
 from replay.cells import truth_cells
 from replay.options import PLAN, effective, plan_values
 from replay.world import truth_beside

@@ -9,8 +9,8 @@ import numpy as np
 
 from formats.errors import Notes
 from formats.frame import Frame, Pose, Scan
-from formats.plan import Plan
-from formats.result_messages import store
+from formats.plans.plan import Plan
+from formats.results.messages import store
 from replay.mapper import Mapper
 from replay.pipeline import steps
 from replay.world import build_world
@@ -18,10 +18,10 @@ from replay.world import build_world
 LIBRARIES = (  # imported on a run's way, where one asks for them
     "replay.running",
     "replay.placing",
-    "formats.bag",
-    "formats.carmen",
-    "formats.mcap_log",
-    "formats.rosbag2",
+    "formats.bag.log",
+    "formats.carmen.log",
+    "formats.mcap.log",
+    "formats.rosbag2.log",
     "cv2",
     "scipy.ndimage",
 )

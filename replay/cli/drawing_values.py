@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import click
 
-from formats.paper import Distance
+from formats.plans.paper import Distance
 from replay.cli.values import POSITIVE
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formats.errors import Notes
-from formats.plan_edits import Edit, PlanEdits
+from formats.plans.edits import Edit, PlanEdits
 from replay.drawing.shapes import Door, Drawing, Mask
 
 OPENED = 0.6  # of a door's width: thickness of the wall that an added door opens

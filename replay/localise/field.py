@@ -11,7 +11,7 @@ import numpy.typing as npt
 from formats.errors import FormatError, Notes
 from formats.frame import Floats
 from formats.grid import Geometry
-from formats.plan_file import Plan
+from formats.plans.file import Plan
 from replay.cells import cell_layers
 
 CELL = 0.05  # m: cells are at most this, and whole pixels or whole parts of a pixel

@@ -8,10 +8,10 @@ from typing import Unpack
 
 import numpy as np
 
-from formats.drive import Drive
 from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Floats, Pose
-from formats.plan_file import Plan
+from formats.plans.file import Plan
+from formats.streaming.drive import Drive
 from replay.localise.estimate import Estimate
 from replay.localise.field import Field, build_field
 from replay.localise.options import DEFAULTS, Options

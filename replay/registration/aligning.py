@@ -14,8 +14,8 @@ import numpy as np
 from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Pose
 from formats.output import check_output, write_image
-from formats.placement import Placement, write_placement
-from formats.plan_file import Plan, open_plan
+from formats.plans.file import Plan, open_plan
+from formats.plans.placement import Placement, write_placement
 from replay.drawn import taken_apart
 from replay.registration.overlay import candidates, overlay
 from replay.registration.placing import Pin, metres_of, pinned, placed, posed, seen_in

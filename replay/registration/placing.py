@@ -14,9 +14,9 @@ import numpy as np
 from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Pose
 from formats.grid import Geometry
-from formats.placement import Placement
-from formats.plan_file import YAML_SUFFIXES, Plan, open_plan
-from formats.raster import is_picture
+from formats.plans.file import YAML_SUFFIXES, Plan, open_plan
+from formats.plans.placement import Placement
+from formats.plans.raster import is_picture
 from formats.stream import open_log, survey
 from replay.mapper import Mapper
 from replay.registration.seen import Doubles, Seen, seen_in_log, seen_in_map

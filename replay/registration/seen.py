@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from formats.errors import FormatError
 from formats.grid import Evidence
-from formats.plan_file import Plan
+from formats.plans.file import Plan
 
 Mask = npt.NDArray[np.bool_]
 Doubles = npt.NDArray[np.float64]

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formats.grid import Floats, Geometry
-from formats.plan import Extent
+from formats.plans.plan import Extent
 from replay.pictures import Colour, png
 from replay.reporting.markup import data_url, text
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from formats.errors import FormatError, Notes
 from formats.frame import Pose
-from formats.result_file import RunFile
-from formats.result_records import ratios
+from formats.results.file import RunFile
+from formats.results.records import ratios
 from replay.deviating import listed, of_run
 from replay.facts import SHOWN
 from replay.options import DEFAULTS

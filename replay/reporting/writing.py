@@ -9,7 +9,7 @@ from pathlib import Path
 from formats.errors import FormatError, Notes, UsageError
 from formats.errors import Path as AnyPath
 from formats.output import check_output, write_text
-from formats.result_file import RunFile, read_result
+from formats.results.file import RunFile, read_result
 from replay.pictures import CURVE_NAMES
 from replay.reporting.markup import page, table, text
 from replay.reporting.sections import sections

@@ -11,7 +11,7 @@ import numpy as np
 
 from formats.frame import Frame, Pose
 from formats.grid import Evidence
-from formats.plan import Plan
+from formats.plans.plan import Plan
 from replay import figures
 from replay.example_plans import Plan as Drawn
 from replay.figures import Chart, Line, Picture

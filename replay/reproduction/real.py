@@ -12,7 +12,7 @@ import numpy as np
 
 from formats.errors import FormatError, Notes
 from formats.frame import Pose
-from formats.result_file import RunFile, read_result
+from formats.results.file import RunFile, read_result
 from replay import figures
 from replay.figures import Chart, Line, Surface
 from replay.reproduction.claims import Section

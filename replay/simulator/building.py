@@ -12,7 +12,7 @@ import numpy as np
 
 from formats.errors import Notes, UsageError
 from formats.frame import Pose
-from formats.plan import Plan
+from formats.plans.plan import Plan
 from replay.cells import cell_layers
 from replay.simulator import changes
 from replay.simulator.camera import Camera

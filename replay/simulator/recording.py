@@ -13,7 +13,7 @@ from formats import log_messages as ros
 from formats.frame import Pose
 from formats.log_writing import Recorded
 from formats.messages import LaserScan, RangeReading
-from formats.result_messages import GRID, POSE, TF
+from formats.results.messages import GRID, POSE, TF
 from replay.simulator.camera import Camera, picture
 from replay.simulator.driving import Drift, Way, believed, correction
 from replay.simulator.frames import SECOND, moments

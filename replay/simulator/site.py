@@ -10,7 +10,7 @@ import numpy.typing as npt
 from formats.errors import FormatError
 from formats.frame import Pose
 from formats.grid import Geometry
-from formats.plan import Plan
+from formats.plans.plan import Plan
 
 Mask = npt.NDArray[np.bool_]
 Bytes = npt.NDArray[np.uint8]

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formats.grid import Evidence
-from formats.result_file import RunFile
+from formats.results.file import RunFile
 from replay.tuning.cases import Case, Floats, Ground
 from replay.tuning.surfaces import Tables, Values
 

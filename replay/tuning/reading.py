@@ -9,7 +9,7 @@ import numpy as np
 
 from formats.errors import FormatError
 from formats.grid import Update, logit
-from formats.result_file import RunFile
+from formats.results.file import RunFile
 from replay.cells import Rule
 from replay.prior import P_OUTSIDE, P_SPACE, P_WALL, PRIOR_SCALE, used
 from replay.sensor import MODELS

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from formats.errors import FormatError, Notes, UsageError
 from formats.grid import Evidence, Update
-from formats.plan_file import open_plan
-from formats.result_file import read_result
+from formats.plans.file import open_plan
+from formats.results.file import read_result
 from replay.drawn import PlanMethod, taken_apart
 from replay.sensor import MODELS
 from replay.tuning.cases import Case, Ground

@@ -13,7 +13,7 @@ import numpy as np
 from formats.errors import Notes, UsageError
 from formats.grid import Update
 from formats.output import check_output, write_bytes
-from formats.prior_values import PriorValues, write_prior_values
+from formats.plans.prior_values import PriorValues, write_prior_values
 from replay.facts import sensor_of
 from replay.tuning.choosing import Tuned, shares_of_hypervolume
 from replay.tuning.picks import PICKS, in_shortlist

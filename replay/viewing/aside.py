@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from formats.ends import Points, end_points
 from formats.errors import FormatError, Notes, UsageError
 from formats.grid import Evidence
-from formats.keyframes import change
 from formats.output import atomic, check_room
 from formats.result import Step
+from formats.results.keyframes import change
+from formats.sensing.ends import Points, end_points
 from replay.viewing.helper import Helper
 from replay.viewing.scene import BATCH, BUDGET, Block, Keyframe, Scene, explored, strides
 

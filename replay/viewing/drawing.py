@@ -14,7 +14,7 @@ import numpy.typing as npt
 import rerun as rr
 
 from formats.grid import Geometry
-from formats.result_records import ratios
+from formats.results.records import ratios
 from replay.pictures import (
     CURVE_COLOURS,
     CURVE_NAMES,

@@ -12,7 +12,7 @@ from pathlib import Path
 from formats.errors import FormatError, Notes, UsageError
 from formats.errors import Path as AnyPath
 from formats.output import atomic, check_output, check_room
-from formats.result_file import RunFile, read_result
+from formats.results.file import RunFile, read_result
 from replay.pictures import RUN_COLOURS
 from replay.viewing.drawing import Drawing
 from replay.viewing.making import events, scene_of_file

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from formats.grid import Geometry
-from formats.plan import Extent
-from formats.result_file import RunFile
+from formats.plans.plan import Extent
+from formats.results.file import RunFile
 from replay.facts import markdown
 from replay.pictures import Bools
 from replay.viewing.scene import Block, Keyframe, Scene, explored

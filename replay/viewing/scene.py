@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from formats.ends import MOST_POINTS, Points
 from formats.grid import Floats, Geometry
-from formats.keyframes import Change
-from formats.plan import Extent
+from formats.plans.plan import Extent
 from formats.result import Curve
+from formats.results.keyframes import Change
+from formats.sensing.ends import MOST_POINTS, Points
 from replay.pictures import Bools
 
 BATCH = 256  # frames a batch: small enough to look live, large enough to cost little

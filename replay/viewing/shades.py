@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from formats.grid import Evidence, Geometry, Grid
-from formats.keyframes import Change
 from formats.result import Curve
+from formats.results.keyframes import Change
 from replay.pictures import gray
 
 

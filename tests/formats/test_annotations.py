@@ -5,8 +5,8 @@ import cv2
 import numpy as np
 import pytest
 
-from formats.annotations import filled, read_truth
 from formats.errors import FormatError
+from formats.plans.annotations import filled, read_truth
 
 SVG = """<?xml version="1.0"?>
 <svg xmlns="http://www.w3.org/2000/svg" version="1.1"><width>12</width><height>10</height>

@@ -10,7 +10,7 @@ import pytest
 from rosbags.rosbag1 import Reader, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from formats import bag
+from formats.bag import log as bag
 from formats.errors import Notes
 from formats.log import Container, Topic
 from tests.bag_files import (

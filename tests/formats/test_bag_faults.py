@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from formats import bag
+from formats.bag import log as bag
 from formats.errors import FormatError, Notes
 from tests.bag_files import (
     bag_header,

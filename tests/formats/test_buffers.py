@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from mcap.writer import CompressionType, Writer
 
-from formats import mcap_log
 from formats.buffers import KEPT, Buffers
 from formats.compression import inflate, zstd
 from formats.errors import Notes
+from formats.mcap import log as mcap_log
 
 
 def test_memory_is_used_again_once_the_last_view_goes() -> None:

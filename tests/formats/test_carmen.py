@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from formats import carmen
-from formats.carmen_lines import LINES, Malformed, parse
+from formats.carmen import log as carmen
+from formats.carmen.lines import LINES, Malformed, parse
 from formats.errors import FormatError, Notes
 from formats.frame import Frame
 from formats.grid import Geometry

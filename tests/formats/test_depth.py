@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from formats.depth import (
+from formats.depth.scans import (
     camera_fault,
     camera_remarks,
     depth_fault,

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from formats.depth import cloud_scan, levelled
+from formats.depth.scans import cloud_scan, levelled
 from formats.messages import Cloud
 from tests.depth_worlds import LIMITS, SLAB, Floats
 

@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 import pytest
 
-from formats.depth_packed import depth_image
+from formats.depth.packed import depth_image
 from formats.messages import CompressedImage
-from formats.ros import Undecodable
+from formats.ros.decoders import Undecodable
 
 MM = np.array([[0, 1, 255, 256], [1000, 4095, 65534, 65535]], dtype=np.uint16)
 

@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from formats.depth_packed import check_packed, depth_image
+from formats.depth.packed import check_packed, depth_image
 from formats.messages import CompressedImage
-from formats.ros import Undecodable
+from formats.ros.decoders import Undecodable
 
 HEAD = struct.pack("<iff", 0, 10.0, -2.0)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from formats.echo import Echo, single_echo
 from formats.messages import MultiEchoLaserScan
+from formats.sensing.echo import Echo, single_echo
 
 
 def floats(*values: float) -> np.ndarray[tuple[int], np.dtype[np.float32]]:

@@ -12,8 +12,8 @@ import pytest
 
 from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Pose
-from formats.plan_file import Plan, open_plan
-from formats.result_file import read_result
+from formats.plans.file import Plan, open_plan
+from formats.results.file import read_result
 from replay.cli import _exit_code
 from tests.ros_logs import RosLog, pose_fields
 

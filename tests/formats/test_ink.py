@@ -9,7 +9,7 @@ import numpy.typing as npt
 import pytest
 
 from formats.errors import Notes
-from formats.ink import drawn, shaded
+from formats.plans.ink import drawn, shaded
 
 Grey = npt.NDArray[np.uint8]
 SIDE = 200

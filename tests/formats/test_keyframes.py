@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from formats import result_messages as ros
 from formats.grid import Counted, Evidence, Geometry, Grid
-from formats.keyframes import Change, Keyframes, Pictures, change, joined, percent
 from formats.result import Curve
+from formats.results import messages as ros
+from formats.results.keyframes import Change, Keyframes, Pictures, change, joined, percent
 
 GEOMETRY = Geometry(3, 4, 0.5, 0.0, 0.0)
 SIZE = 2 * 3 * 4

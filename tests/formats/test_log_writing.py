@@ -15,7 +15,7 @@ from formats.frame import Pose
 from formats.log_writing import Recorded, write_log
 from formats.messages import LaserScan
 from formats.opening import open_log
-from formats.result_messages import POSE, TF
+from formats.results.messages import POSE, TF
 
 NAMES = ("drive.mcap", "drive.bag", "drive")
 SECOND = 10**9

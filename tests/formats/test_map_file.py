@@ -14,10 +14,10 @@ from hypothesis.extra import numpy as arrays
 from formats.errors import FormatError, Notes
 from formats.frame import Pose
 from formats.grid import Geometry, Grid
-from formats.map_file import cells_of, write_map
-from formats.map_yaml import read_map_yaml
-from formats.plan_file import Plan, open_plan
-from formats.raster import read_raster
+from formats.plans.file import Plan, open_plan
+from formats.plans.map_file import cells_of, write_map
+from formats.plans.map_yaml import read_map_yaml
+from formats.plans.raster import read_raster
 from tests import pictures
 from tests.map_server import nav2_cell, nav2_map
 from tests.pictures import pgm, png

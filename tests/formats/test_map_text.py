@@ -10,7 +10,7 @@ import pytest
 
 from formats.errors import FormatError, Notes
 from formats.frame import Pose
-from formats.plan_file import Plan, open_plan
+from formats.plans.file import Plan, open_plan
 
 HEADER = """robot_specifications->global_mapsize_x                 20
 robot_specifications->resolution                       10

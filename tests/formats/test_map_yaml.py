@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from formats.errors import FormatError, Notes
 from formats.frame import Pose
-from formats.map_yaml import KEYS, MapYaml, read_map_yaml
+from formats.plans.map_yaml import KEYS, MapYaml, read_map_yaml
 
 GOOD = """\
 image: map.pgm

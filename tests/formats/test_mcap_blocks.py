@@ -7,8 +7,8 @@ import struct
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from formats.mcap_blocks import RUN_BYTES, WORTHWHILE, row, walk_block
-from formats.mcap_records import CHANNEL, CHUNK, MESSAGE
+from formats.mcap.blocks import RUN_BYTES, WORTHWHILE, row, walk_block
+from formats.mcap.records import CHANNEL, CHUNK, MESSAGE
 
 # (opcode, size, how many in a row)
 Groups = list[tuple[int, int, int]]

@@ -19,9 +19,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from formats import mcap_records as r
 from formats.errors import FormatError, Notes
-from formats.mcap_log import open_file
+from formats.mcap import records as r
+from formats.mcap.log import open_file
 from tests.mcap_files import ALL, McapBytes, scan_definitions
 
 if sys.version_info >= (3, 14):

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from formats import mcap_records as r
 from formats.errors import FormatError, Notes
-from formats.mcap_log import McapLog, fits, open_file
+from formats.mcap import records as r
+from formats.mcap.log import McapLog, fits, open_file
 from tests.mcap_files import ALL, McapBytes, chunk, compress, encode, message, raw, scan_definitions
 
 MIB = 1 << 20

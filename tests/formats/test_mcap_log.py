@@ -10,11 +10,11 @@ import pytest
 from mcap.stream_reader import StreamReader
 from rosbags.highlevel import AnyReader
 
-from formats import mcap_merge
-from formats import mcap_records as r
 from formats.errors import Notes
 from formats.log import Log
-from formats.mcap_log import McapLog, fits, open_file
+from formats.mcap import merge as mcap_merge
+from formats.mcap import records as r
+from formats.mcap.log import McapLog, fits, open_file
 from tests.mcap_files import ALL, McapBytes, chunk, message, scan_definitions
 
 Read = list[tuple[str, int, bytes]]

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from formats.mcap_parse import MalformedError, parse, records
-from formats.mcap_records import CHANNEL, MESSAGE_INDEX, STATISTICS
+from formats.mcap.parse import MalformedError, parse, records
+from formats.mcap.records import CHANNEL, MESSAGE_INDEX, STATISTICS
 from tests.mcap_files import CODES, McapBytes
 
 

@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from formats import mcap_records as r
 from formats.errors import Notes
-from formats.mcap_log import open_file
-from formats.mcap_write_records import block
-from formats.mcap_writing import CHUNK_SIZE, McapWriter
+from formats.mcap import records as r
+from formats.mcap.log import open_file
+from formats.mcap.write_records import block
+from formats.mcap.writing import CHUNK_SIZE, McapWriter
 
 LIBRARY = "mcap-python/1.6.0"
 TIMES = np.array([1_664_000_000_123_456_789, 5, 0, 2**62, 7], dtype=np.int64)  # in no order

@@ -12,7 +12,7 @@ import pytest
 
 from formats.errors import FormatError
 from formats.frame import Pose
-from formats.placement import Placement, read_placement, write_placement
+from formats.plans.placement import Placement, read_placement, write_placement
 
 # 20 px a metre, not turned: metre (0, 0) lies at pixel (10, 89), y up in metres, down in pixels
 PLAIN = np.array([[20.0, 0.0, 10.0], [0.0, -20.0, 89.0]])

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from formats import apart
 from formats.errors import FormatError, Notes, UsageError
-from formats.paper import Asked, page_dpi, scales_in
-from formats.picture_header import PictureError
-from formats.plan_file import Plan, open_plan
+from formats.plans import apart
+from formats.plans.file import Plan, open_plan
+from formats.plans.paper import Asked, page_dpi, scales_in
+from formats.plans.picture_header import PictureError
 from tests import pictures
 from tests.drawing_files import dxf, new_dxf, pdf, svg
 

@@ -10,8 +10,8 @@ import pytest
 
 from formats.errors import FormatError
 from formats.frame import Pose
-from formats.plan import Plan
-from formats.plan_edits import read_plan_edits
+from formats.plans.edits import read_plan_edits
+from formats.plans.plan import Plan
 
 
 def written(folder: Path, text: str) -> Path:

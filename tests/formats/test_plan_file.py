@@ -13,7 +13,7 @@ import pytest
 
 from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Pose
-from formats.plan_file import OPENERS, Plan, open_plan, overlap
+from formats.plans.file import OPENERS, Plan, open_plan, overlap
 from tests import pictures
 from tests.pictures import chunk, drawn, exif, pgm, png
 

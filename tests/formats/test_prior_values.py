@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from formats.errors import FormatError
-from formats.prior_values import PriorValues, read_prior_values, write_prior_values
+from formats.plans.prior_values import PriorValues, read_prior_values, write_prior_values
 
 
 def test_they_read_back_to_the_same_bits(tmp_path: Path) -> None:

@@ -15,8 +15,15 @@ import numpy.typing as npt
 import pytest
 
 from formats.errors import FormatError, Notes
-from formats.picture_header import MAX_PIXELS, Header, PictureError, read_jpeg, read_png, read_tiff
-from formats.raster import HEADERS, is_picture, read_raster, silenced, strips, turned
+from formats.plans.picture_header import (
+    MAX_PIXELS,
+    Header,
+    PictureError,
+    read_jpeg,
+    read_png,
+    read_tiff,
+)
+from formats.plans.raster import HEADERS, is_picture, read_raster, silenced, strips, turned
 from tests import pictures
 from tests.pictures import chunk, exif, jpeg_turned, pgm, png, png_claiming, tiff
 
@@ -334,7 +341,9 @@ def test_a_closed_stderr_does_no_harm() -> None:
     import subprocess
     import sys
 
-    code = "import os; os.close(2); from formats.raster import silenced\nwith silenced(): pass"
+    code = (
+        "import os; os.close(2); from formats.plans.raster import silenced\nwith silenced(): pass"
+    )
     root = Path(__file__).resolve().parents[2]
     assert subprocess.run([sys.executable, "-c", code], cwd=root, check=False).returncode == 0
 

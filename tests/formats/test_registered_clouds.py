@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from formats.depth import cloud_scan, moved
+from formats.depth.scans import cloud_scan, moved
 from formats.errors import Notes
 from formats.frame import Pose
 from formats.messages import Cloud
 from formats.stream import survey
-from formats.way import matrix
+from formats.streaming.way import matrix
 from tests.faults_world import path
 from tests.flat_sensors import cloud
 from tests.ros_logs import RosLog

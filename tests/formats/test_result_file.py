@@ -18,13 +18,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from formats import result_messages as ros
-from formats import result_records as records
 from formats.errors import FormatError
 from formats.frame import Frame, Pose
 from formats.grid import Evidence, Geometry, Grid
 from formats.result import Counts, Curve, Split, Step
-from formats.result_file import ResultWriter, read_result
+from formats.results import messages as ros
+from formats.results import records
+from formats.results.file import ResultWriter, read_result
 from tests.conftest import ROOT
 from tests.runs import GEOMETRY, SCAN, START, curves, forge, layers, prior, steps, write_run
 
@@ -104,8 +104,8 @@ def test_blocks_and_the_temporary_file_change_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = read_result(write_run(tmp_path / "a.mcap", 30))
-    monkeypatch.setattr("formats.result_file.BLOCK", 7)
-    monkeypatch.setattr("formats.result_file.IN_MEMORY", 500)
+    monkeypatch.setattr("formats.results.file.BLOCK", 7)
+    monkeypatch.setattr("formats.results.file.IN_MEMORY", 500)
     parts = read_result(write_run(tmp_path / "b.mcap", 30))
     assert np.array_equal(parts.times_ns, whole.times_ns)
     assert np.array_equal(parts.poses, whole.poses)
@@ -118,7 +118,7 @@ def test_a_frames_messages_follow_each_other_and_then_its_keyframes(
 ) -> None:
     from mcap.reader import NonSeekingReader
 
-    monkeypatch.setattr("formats.result_file.BLOCK", 7)
+    monkeypatch.setattr("formats.results.file.BLOCK", 7)
     path = tmp_path / "a.mcap"
     with ResultWriter(path, geometry=GEOMETRY, curves=curves()) as writer:
         for step in steps(30, every=3):

@@ -12,9 +12,9 @@ import pytest
 from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Pose
 from formats.log import Topic
-from formats.ring import shared
-from formats.robots import strangers
+from formats.sensing.ring import shared
 from formats.stream import frames, survey
+from formats.streaming.robots import strangers
 from replay.cli.info_text import info_report
 from replay.inspecting import inspect
 from tests.drives import points

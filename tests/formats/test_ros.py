@@ -18,8 +18,8 @@ from formats.errors import Notes
 from formats.log import Topic
 from formats.messages import Cloud, LaserScan, PoseMessage, Transform, Transforms
 from formats.opening import open_log
-from formats.ros import DECODERS, Noun, decode, decoder
-from formats.ros_recorded import translator
+from formats.ros.decoders import DECODERS, Noun, decode, decoder
+from formats.ros.recorded import translator
 from tests.ros_messages import (
     ENCODINGS,
     HUMBLE,

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from formats.log import Topic
 from formats.messages import LaserScan
-from formats.ros import DECODERS, Undecodable, decode, decoder, odd_stamp
+from formats.ros.decoders import DECODERS, Undecodable, decode, decoder, odd_stamp
 from tests.ros_messages import (
     ENCODINGS,
     HUMBLE,

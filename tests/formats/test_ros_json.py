@@ -16,12 +16,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.writer import Writer
 
-from formats import ros
 from formats.errors import Notes
 from formats.log import Topic
 from formats.messages import LaserScan
-from formats.ros import DECODERS, Undecodable
-from formats.ros_json import decoder
+from formats.ros import decoders as ros
+from formats.ros.as_json import decoder
+from formats.ros.decoders import DECODERS, Undecodable
 from formats.stream import frames
 from tests.drives import drive
 from tests.ros_logs import build, store

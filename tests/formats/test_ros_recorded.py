@@ -15,11 +15,11 @@ from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_
 
 from formats.log import Topic
 from formats.messages import LaserScan, RangeReading
-from formats.ros import DECODERS, Undecodable, decode
-from formats.ros_idl import idl_fields
-from formats.ros_recorded import translator
-from formats.ros_standard import STANDARD
-from formats.ros_wire import Body
+from formats.ros.decoders import DECODERS, Undecodable, decode
+from formats.ros.idl import idl_fields
+from formats.ros.recorded import translator
+from formats.ros.standard import STANDARD
+from formats.ros.wire import Body
 
 LASER = "sensor_msgs/msg/LaserScan"
 RULE = "=" * 80 + "\n"

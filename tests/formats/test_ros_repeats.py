@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from formats.log import Topic
 from formats.messages import LaserScan
-from formats.ros import DECODERS, Undecodable, decoder
-from formats.ros_repeats import LEARNERS, MOST
-from formats.ros_wire import Body, Payload
+from formats.ros.decoders import DECODERS, Undecodable, decoder
+from formats.ros.repeats import LEARNERS, MOST
+from formats.ros.wire import Body, Payload
 from tests.ros_messages import ENCODINGS, LASER, message, plain, scan_message, whole
 
 

@@ -12,8 +12,8 @@ import pytest
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from formats import rosbag2
 from formats.errors import Notes
+from formats.rosbag2 import log as rosbag2
 from tests.bag_files import Raw, drive, raws, told
 from tests.rosbag2_files import (
     clean_temporary,  # noqa: F401 (a fixture)
@@ -165,7 +165,7 @@ def test_memory_does_not_grow_with_the_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shuffled: bool
 ) -> None:
     """Four times the rows: without an index and out of order, an array of 16 bytes each."""
-    monkeypatch.setattr("formats.sqlite_rows.BATCH", 1_000)
+    monkeypatch.setattr("formats.rosbag2.sqlite_rows.BATCH", 1_000)
     peaks = []
     for count in (5_000, 20_000):
         messages = drive(count, 100)

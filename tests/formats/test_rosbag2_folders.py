@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from formats import rosbag2
 from formats.errors import FormatError, Notes
+from formats.rosbag2 import log as rosbag2
 from tests.bag_files import Raw, drive, raws, told
 from tests.rosbag2_files import (
     clean_temporary,  # noqa: F401 (a fixture)

@@ -10,7 +10,7 @@ import pytest
 from formats.errors import Notes
 from formats.frame import Frame
 from formats.grid import Evidence, Geometry
-from formats.mcap_writing import McapWriter
+from formats.mcap.writing import McapWriter
 from formats.opening import open_log
 from formats.stream import frames
 from replay.mapper import Mapper

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from formats.frame import Pose
 from formats.log import Topic
-from formats.ros import Undecodable, decoder
-from formats.ros_wire import Body
-from formats.scanning import scanner
-from formats.sensing import SENSORS
-from formats.sensor import Motion
+from formats.ros.decoders import Undecodable, decoder
+from formats.ros.wire import Body
+from formats.sensing.scans import SENSORS
+from formats.sensing.sensor import Motion
+from formats.streaming.scanning import scanner
 from tests.ros_messages import ENCODINGS, LASER, NOETIC, plain, scan_message
 
 STILL = Motion(Pose(0.0, 0.0, 0.0), Pose(0.0, 0.0, 0.0))

@@ -12,7 +12,7 @@ import pytest
 
 from formats.errors import FormatError, Notes
 from formats.messages import LaserScan
-from formats.sensing import laser_scan
+from formats.sensing.scans import laser_scan
 from formats.stream import survey
 from tests.drives import BEAMS, drive, points, problems, surveyed
 from tests.ros_logs import RosLog

@@ -68,7 +68,7 @@ def test_transforms_that_lead_nowhere_are_dropped_from_long_logs(
     for k in range(20):
         log.tf(k / 10, "base_link", "wheel", (0.0, 0.0, k / 10))
         log.tf(k / 10, "odom", "map", (-1.0, 0.0, 0.0))  # a map that hangs below odom leads on
-    monkeypatch.setattr("formats.gathering.MANY", 10)
+    monkeypatch.setattr("formats.streaming.gathering.MANY", 10)
     found, _ = surveyed(log)
     tree = found.way.gathered.tree
     assert tree.samples(("base_link", "wheel")) is None

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from formats.echo import Echo
 from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Frame, Pose
-from formats.result_file import read_result
+from formats.results.file import read_result
+from formats.sensing.echo import Echo
 from formats.stream import frames, survey
 from replay.cli import _exit_code as main
 from scripts.flat import cast

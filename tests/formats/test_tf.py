@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
-from formats.clock import SECOND, Clock
 from formats.errors import Notes
 from formats.messages import Numbers, Transform
-from formats.tf import Tree
-from formats.track import Floats, Why
+from formats.streaming.clock import SECOND, Clock
+from formats.streaming.tf import Tree
+from formats.streaming.track import Floats, Why
 
 IDENTITY: Numbers = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 

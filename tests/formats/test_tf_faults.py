@@ -7,10 +7,10 @@ from math import sqrt
 import numpy as np
 import pytest
 
-from formats.clock import SECOND, Clock
 from formats.errors import FormatError, Notes
 from formats.messages import Numbers, Transform
-from formats.tf import Tree
+from formats.streaming.clock import SECOND, Clock
+from formats.streaming.tf import Tree
 
 IDENTITY: Numbers = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 

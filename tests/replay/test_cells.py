@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from formats.errors import Notes, UsageError
 from formats.frame import Pose
 from formats.grid import Geometry
-from formats.plan_file import Plan
+from formats.plans.file import Plan
 from replay.cells import CellLayers, Rule, cell_layers, enclosed, leaves_unknown, truth_cells
 
 CELLS = {"#": 100, ".": 0, "?": -1, "a": 50, "b": 51}
@@ -349,7 +349,7 @@ import sys, time
 start = time.perf_counter()
 from formats.errors import Notes
 from formats.grid import Geometry
-from formats.plan_file import open_plan
+from formats.plans.file import open_plan
 from replay.cells import cell_layers
 from replay.prior import build_prior
 plan = open_plan(sys.argv[1], Notes(), resolution=0.01)

@@ -17,7 +17,7 @@ from formats.errors import FormatError
 from formats.frame import Frame, Pose, Scan
 from formats.grid import Evidence, Geometry, Grid, logit
 from formats.result import Counts, Curve, Split, Step
-from formats.result_file import ResultWriter
+from formats.results.file import ResultWriter
 from replay import deviation
 from replay.cli.deviation import command
 from replay.mapper import Mapper

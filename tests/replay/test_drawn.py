@@ -11,9 +11,9 @@ import pytest
 from formats.errors import Notes, UsageError
 from formats.frame import Frame, Pose, Scan
 from formats.grid import logit
-from formats.plan_edits import read_plan_edits
-from formats.plan_file import open_plan
-from formats.result_file import read_result
+from formats.plans.edits import read_plan_edits
+from formats.plans.file import open_plan
+from formats.results.file import read_result
 from replay import run
 from replay.drawn import taken_apart
 from replay.mapper import Mapper

@@ -15,7 +15,7 @@ from formats.errors import FormatError, UsageError
 from formats.frame import Frame, Pose
 from formats.grid import Evidence, probability
 from formats.result import Counts, Split, Step
-from formats.result_file import ResultWriter
+from formats.results.file import ResultWriter
 from formats.trajectory import read_tum
 from replay.exporting import WHAT, export, unarmed
 from tests.runs import GEOMETRY, SCAN, curves, forge, prior, steps, write_run

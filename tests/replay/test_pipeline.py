@@ -9,7 +9,7 @@ import pytest
 
 from formats.errors import FormatError, Notes
 from formats.frame import Frame, Pose, Scan
-from formats.plan_file import Plan, open_plan
+from formats.plans.file import Plan, open_plan
 from formats.result import Step
 from replay.mapper import Mapper
 from replay.pipeline import Clock, keyframes, steps

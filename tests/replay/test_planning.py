@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from formats.errors import FormatError, Notes
-from formats.plan_file import open_plan
+from formats.plans.file import open_plan
 from replay import plan
 from replay.plan_pictures import LAYERS, WALLS, overlay
 from replay.planning import DOOR, read_drawing

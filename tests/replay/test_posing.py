@@ -14,7 +14,7 @@ from rosbags.highlevel import AnyReader
 from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Floats, Pose
 from formats.result import Result
-from formats.result_file import read_result
+from formats.results.file import read_result
 from replay.running import run
 from tests.localising import CELL, MOUNT, OFFICE, ROUND, TOUR, WIDE, drifting, drive, way
 from tests.ros_logs import RosLog

@@ -17,8 +17,8 @@ from click.testing import CliRunner
 from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Pose
 from formats.grid import Evidence, Geometry
-from formats.placement import Placement, read_placement
-from formats.plan_file import Plan, open_plan
+from formats.plans.file import Plan, open_plan
+from formats.plans.placement import Placement, read_placement
 from replay.cli.align import command
 from replay.registration.placing import metres_of, pinned, placed, posed
 from replay.registration.register import Alignment, align, confidence

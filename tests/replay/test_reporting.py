@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from formats.errors import FormatError, UsageError
-from formats.result_file import ResultWriter
+from formats.results.file import ResultWriter
 from replay import report, run
 from replay.reporting.drawings import Curve, chart, window
 from tests.runs import GEOMETRY, curves, layers, steps

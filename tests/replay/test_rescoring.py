@@ -10,9 +10,9 @@ import pytest
 
 from formats.errors import FormatError, UsageError
 from formats.grid import Evidence
-from formats.groups import Groups, grouped, scored_cells
-from formats.result_file import read_result
-from formats.result_kept import read_kept
+from formats.results.file import read_result
+from formats.results.groups import Groups, grouped, scored_cells
+from formats.results.kept import read_kept
 from replay import run
 from replay.rescoring import at_the_end, cell_by_cell, through_time
 from tests.faults_world import drive, write_plan

@@ -13,10 +13,10 @@ from scipy.ndimage import distance_transform_edt
 
 from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Pose
-from formats.plan_file import open_plan
-from formats.prior_values import PriorValues, write_prior_values
+from formats.plans.file import open_plan
+from formats.plans.prior_values import PriorValues, write_prior_values
 from formats.result import Result
-from formats.result_file import read_result
+from formats.results.file import read_result
 from formats.stream import Options as StreamOptions
 from replay import run
 from replay.options import READING, effective

@@ -6,7 +6,7 @@ import numpy as np
 
 from formats.errors import Notes
 from formats.frame import Pose
-from formats.result_file import read_result
+from formats.results.file import read_result
 from scripts.section_6_2 import experiment, f2_over_time, start_of
 from tests.localising import MOUNT, OFFICE, ROUND, WIDE, drifting, drive, way
 from tests.ros_logs import RosLog

@@ -13,7 +13,7 @@ import pytest
 from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Frame, Pose
 from formats.opening import open_log
-from formats.plan_file import open_plan
+from formats.plans.file import open_plan
 from formats.stream import survey
 from replay import run, simulate
 from replay.cli import _exit_code

@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 import rerun as rr
 
-from formats.ends import end_points
 from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Frame, Pose, Scan
-from formats.result_file import read_result
+from formats.results.file import read_result
+from formats.sensing.ends import end_points
 from replay import run, view
 from replay.pictures import FALSE, FOUND, MISSED, coloured, errors, png, thinning
 from replay.viewing.process import start_unseen

@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from formats.errors import FormatError, UsageError
-from formats.result_file import read_result
+from formats.results.file import read_result
 from replay import batch, rescore, run
 from replay.archive import working
 from replay.archive.ledger import Ledger

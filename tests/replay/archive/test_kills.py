@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from formats.result_file import read_result
+from formats.results.file import read_result
 from replay import batch
 from tests.faults_world import drive
 from tests.replay.archive.test_batching import command, contents

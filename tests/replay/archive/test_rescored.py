@@ -12,9 +12,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from formats.errors import FormatError, UsageError
-from formats.prior_values import PriorValues, write_prior_values
-from formats.result_file import read_result
-from formats.result_kept import read_kept
+from formats.plans.prior_values import PriorValues, write_prior_values
+from formats.results.file import read_result
+from formats.results.kept import read_kept
 from replay import rescore, run
 from replay.cli import _exit_code
 from replay.scoring import METRICS

@@ -9,7 +9,7 @@ import pytest
 
 from formats.errors import FormatError, Notes
 from formats.grid import Geometry
-from formats.plan_file import open_plan
+from formats.plans.file import open_plan
 from replay import run
 from replay.cells import mean_values
 from replay.drawing import extract
@@ -60,7 +60,7 @@ def test_the_prior_is_scaled_towards_one_half_where_it_is_asked_for() -> None:
 
 
 def test_such_a_result_is_neither_tuned_nor_scored_again(tmp_path: Path) -> None:
-    from formats.result_file import read_result
+    from formats.results.file import read_result
     from replay.rescoring import options_of
     from replay.tuning.reading import ground_of
 

@@ -9,8 +9,8 @@ import pytest
 
 from formats.errors import Notes
 from formats.frame import Pose
-from formats.plan import Plan
-from formats.plan_edits import PlanEdits, read_plan_edits
+from formats.plans.edits import PlanEdits, read_plan_edits
+from formats.plans.plan import Plan
 from replay.drawing import Door, Drawing
 from replay.drawing.editing import edited, regions
 

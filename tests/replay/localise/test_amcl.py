@@ -10,7 +10,7 @@ import pytest
 
 from formats.errors import Notes
 from formats.frame import Floats, Pose
-from formats.plan_file import open_plan
+from formats.plans.file import open_plan
 from replay.localise.amcl import Amcl, Parameters
 from replay.localise.estimate import Estimate, settled, summary
 from replay.localise.field import Field, build_field

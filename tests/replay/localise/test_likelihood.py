@@ -8,7 +8,7 @@ import pytest
 
 from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Pose, Scan
-from formats.plan_file import open_plan
+from formats.plans.file import open_plan
 from replay.localise.field import Field, build_field
 from replay.localise.likelihood import (
     UNIT,

@@ -8,7 +8,7 @@ import pytest
 
 from formats.errors import Notes, UsageError
 from formats.frame import Floats, Pose
-from formats.plan_file import Plan, open_plan
+from formats.plans.file import Plan, open_plan
 from formats.stream import open_log, survey
 from replay.localise.estimate import settled
 from replay.localise.localising import LOCALISERS, localise

@@ -13,7 +13,7 @@ import pytest
 
 from formats.errors import Notes
 from formats.frame import Floats, Pose, Scan
-from formats.plan_file import open_plan
+from formats.plans.file import open_plan
 from replay.localise.estimate import Estimate
 from replay.localise.field import Field, build_field
 from replay.localise.options import DEFAULTS, Options

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 from formats.errors import FormatError, UsageError
-from formats.prior_values import read_prior_values
+from formats.plans.prior_values import read_prior_values
 from formats.result import Result
-from formats.result_file import read_result
+from formats.results.file import read_result
 from replay import run, tune
 from replay.example_plans import PX_PER_M, plan
 from replay.tuning.reading import ground_of, values_of

@@ -1,0 +1,1 @@
+"""CARMEN's text logs, and those of CMU's Wean Hall."""

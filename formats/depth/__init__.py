@@ -1,0 +1,1 @@
+"""Depth images and clouds become scans."""

@@ -1,0 +1,1 @@
+"""Foxglove's messages, as protobuf or JSON."""

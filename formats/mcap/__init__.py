@@ -1,0 +1,1 @@
+"""MCAP: logs read and written at the level of their bytes (mcap.dev/spec)."""

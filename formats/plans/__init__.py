@@ -1,0 +1,1 @@
+"""Plans, maps and drawings, and the small files beside them."""

@@ -1,0 +1,1 @@
+"""rosbag2: folders and .db3 files, by SQLite or from its pages."""

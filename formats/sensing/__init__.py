@@ -1,0 +1,1 @@
+"""Readings of range sensors become scans."""

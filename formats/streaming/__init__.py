@@ -1,0 +1,1 @@
+"""Between a log and its frames: which topics, which poses, which scans."""
