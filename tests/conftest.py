@@ -26,7 +26,7 @@ def shared_data() -> Path:
 
 
 def pytest_configure() -> None:
-    """Hear Ctrl-C: a shell's background job ignores it, and the processes under test inherit that."""
+    """Hear Ctrl-C: a shell's background job ignores it, and processes under test inherit that."""
     if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
