@@ -275,7 +275,7 @@ def cloud_scan(
     level = np.array(levelled(transform, 0))
     ranges = np.empty(beams, dtype=np.float32)
     kind = np.float64 if cloud.points.dtype == np.float64 else np.float32
-    points = np.require(cloud.points, dtype=kind, requirements=["C", "A"])
+    points = np.require(cloud.points, dtype=kind, requirements=["A"])
     nearest_of_points(points, level, *slab, *limits, ranges)
     width = 2.0 * pi / beams
     bearings = width * np.arange(0.5, beams) - pi

@@ -12,7 +12,7 @@ FIELD_KINDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8:
 
 
 def point_cloud2(wire: Wire, data: Payload) -> Cloud:
-    """sensor_msgs/PointCloud2: the fields x, y, z, as a view where they are floats in a row."""
+    """sensor_msgs/PointCloud2: the fields x, y, z."""
     body = Body(wire, data)
     stamp, frame = body.header()
     height, width = body.read("2I")
@@ -38,6 +38,8 @@ def points(
 ) -> npt.NDArray[np.floating]:
     """The (n, 3) points in a PointCloud2's bytes, float32 unless a field is float64.
 
+    Where x, y and z are floats in a row, as nearly always, they are a view of the bytes' copy.
+
     Args:
         content: the bytes.
         shape: rows, points a row.
@@ -57,6 +59,11 @@ def points(
     needed = (shape[0] - 1) * row_step + shape[1] * step
     if needed > len(content):
         raise Undecodable("too few points", f"{len(content)} of {needed} bytes")
+    begin, step4 = axes[0][0] // 4, step // 4
+    in_a_row = [(4 * (begin + axis), np.dtype("<f4")) for axis in range(3)]
+    if axes == in_a_row and step % 4 == 0 and (shape[0] == 1 or row_step == shape[1] * step):
+        whole = content[: shape[0] * shape[1] * step].copy()  # in one go, and aligned from here on
+        return whole.view(np.float32).reshape(-1, step4)[:, begin : begin + 3]
     double = any(kind.itemsize == 8 for _, kind in axes)
     found = np.empty((*shape, 3), dtype=np.float64 if double else np.float32)
     for axis, (offset, kind) in enumerate(axes):

@@ -217,6 +217,24 @@ def test_cloud_with_padded_rows_and_any_order_of_fields(
     assert plain(found) == plain(EXPECTED[name](m))
 
 
+@pytest.mark.parametrize("first", [0, 4])
+@pytest.mark.parametrize("rows", [1, 3])
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_cloud_of_floats_in_a_row(encoding: str, rows: int, first: int) -> None:
+    """As lidars write them: x, y, z and more, rows without padding, at any place in the bytes."""
+    kind, store, write = ENCODINGS[encoding]
+    t, name = store.types, "sensor_msgs/msg/PointCloud2"
+    made = t["sensor_msgs/msg/PointField"]
+    fields = [made(axis, first + 4 * i, 7, 1) for i, axis in enumerate("xyz")]
+    content = np.random.default_rng(1).integers(0, 255, rows * 5 * 20, dtype=np.uint8)
+    m = t[name](scan_message(store).header, rows, 5, fields, False, 20, 100, content, True)
+    payload = write(m, name)
+    found = decode(Topic("/c", name, kind), payload)
+    moved = decode(Topic("/c", name, kind), memoryview(b"." + payload)[1:])
+    assert isinstance(found, Cloud)
+    assert plain(found) == plain(moved) == plain(EXPECTED[name](m))
+
+
 def test_plain_cdr2_aligns_to_four_bytes_and_sizes_sequences_of_structures() -> None:
     """OMG DDS-XTypes 1.3, 7.4.3.5: by hand, since rosbags refuses it."""
 
