@@ -69,6 +69,7 @@ QUALITY = [
         "Placement: Halmstad", "18 maps on their layouts.", "python -m scripts.score_align halmstad"
     ),
     Table("Placement: a real drawing", "UJI's maps.", "python -m scripts.score_align uji"),
+    Table("Trajectories", "Poses that were found.", "python -m scripts.trajectories DATA"),
     Table("Door symbols", "Share found.", "python -m scripts.score_symbols symbols"),
     Table("Cut recordings", "Messages that readers get.", "python -m scripts.score_damage"),
     Table("F2 on recorded logs", "See prior.md.", "python -m scripts.prior_worth DATA"),
