@@ -51,3 +51,10 @@ def dxf(document: Any) -> bytes:
     text = io.StringIO()
     document.write(text)
     return text.getvalue().encode()
+
+
+def binary_dxf(document: Any) -> bytes:
+    """The same drawing as AutoCAD's binary DXF."""
+    stream = io.BytesIO()
+    document.write(stream, fmt="bin")
+    return stream.getvalue()

@@ -5,11 +5,14 @@ from __future__ import annotations
 import io
 import math
 import re
+import struct
+import tempfile
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
+import ezdxf
 import numpy as np
 import numpy.typing as npt
 from ezdxf import recover
@@ -158,8 +161,8 @@ def render(data: bytes, asked: Asked) -> Sheet:
     if not data[-64:].rstrip(b"\0\r\n\t \x1a").endswith(b"EOF"):
         raise PictureError("the DXF is cut (no EOF at its end)", "copy it again")
     try:
-        document, auditor = recover.read(io.BytesIO(data))
-    except (DXFError, ValueError, IndexError, KeyError) as error:
+        document, auditor = opened(data)
+    except (DXFError, ValueError, IndexError, KeyError, struct.error) as error:
         raise PictureError(f"the DXF is damaged: {error}", "save it again, or as PNG") from None
     model = document.modelspace()
     if unfolded(document, model, {}) > MOST_ENTITIES:
@@ -174,6 +177,17 @@ def render(data: bytes, asked: Asked) -> Sheet:
     if auditor.errors:
         remarks.append(f"{len(auditor.errors)} damaged entities are left out")
     return replace(sheet, remarks=(*sheet.remarks, *map(printable, remarks)))
+
+
+def opened(data: bytes) -> tuple[Any, Any]:
+    """The document and what was mended in it; ezdxf mends text alone, and takes binary by file."""
+    if not data.startswith(b"AutoCAD Binary DXF"):
+        return recover.read(io.BytesIO(data))
+    with tempfile.NamedTemporaryFile(suffix=".dxf") as copy:
+        copy.write(data)
+        copy.flush()
+        document = ezdxf.readfile(copy.name)
+    return document, document.audit()
 
 
 def unfolded(document: Any, entities: Iterable[Any], known: dict[str, int]) -> int:

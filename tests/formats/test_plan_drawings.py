@@ -15,7 +15,7 @@ from formats.plans.file import Plan, open_plan
 from formats.plans.paper import Asked, page_dpi, scales_in
 from formats.plans.picture_header import PictureError
 from tests import pictures
-from tests.drawing_files import dxf, new_dxf, pdf, svg
+from tests.drawing_files import binary_dxf, dxf, new_dxf, pdf, svg
 
 INCH = 0.0254
 
@@ -159,6 +159,12 @@ def test_a_dxf_is_rendered_where_it_was_drawn(tmp_path: Path) -> None:
     assert plan.wall[at(3250, 1100)].all()
 
 
+def test_a_binary_dxf_is_the_same_drawing(tmp_path: Path) -> None:
+    text = opened(tmp_path, "text.dxf", dxf(room()), resolution=0.02)
+    binary = opened(tmp_path, "binary.dxf", binary_dxf(room()), resolution=0.02)
+    assert (binary.resolution, binary.grey.tobytes()) == (text.resolution, text.grey.tobytes())
+
+
 @pytest.mark.parametrize(("unit", "metres"), [(1, INCH), (2, 0.3048), (4, 0.001), (6, 1.0)])
 def test_units_of_a_dxf(tmp_path: Path, unit: int, metres: float) -> None:
     document = new_dxf(unit)
@@ -234,6 +240,8 @@ HOSTILE = {
     "svg far away": (svg("<rect x='1e30' width='1e9' height='9'/>"), "white"),
     "svg nested deep": (svg("<g>" * 30_000 + "</g>" * 30_000), "nested too deep"),
     "dxf cut": (dxf(room())[:-400], "the DXF is cut"),
+    "binary dxf cut": (binary_dxf(room())[:-400], "the DXF is cut"),
+    "binary dxf with a hole": (binary_dxf(room()).replace(b"HEADER", b"\xff\xff"), "is damaged"),
     "dxf empty": (dxf(new_dxf()), "draws nothing"),
     "dxf of 1e9 m": (dxf(new_dxf_line(6, 1e9)), "more than a building"),
     "dxf of 1e300": (dxf(new_dxf_line(6, 1e300)), "beyond reason"),
