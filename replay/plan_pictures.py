@@ -11,6 +11,7 @@ from replay.drawing import Drawing
 Pixels = npt.NDArray[np.uint8]
 Colour = tuple[int, int, int]
 # Red, green, blue; after Okabe and Ito, told apart with any colour vision.
+PAPER: Colour = (255, 255, 255)
 OUTLINE: Colour = (226, 238, 247)
 WALLS: Colour = (0, 0, 0)
 TRIANGLE: Colour = (213, 94, 0)
@@ -36,16 +37,20 @@ def overlay(drawing: Drawing) -> Pixels:
     Ink that is no wall keeps the colour of what it was taken for; a legend under the picture
     names the colours that are in it.
     """
-    out = np.full((*drawing.walls.shape, 3), 255, dtype=np.uint8)
-    out[drawing.outline] = OUTLINE
-    shown: dict[str, Colour] = {}
+    colours, shown = [PAPER, OUTLINE], dict[str, Colour]()
+    kind = drawing.outline.astype(np.uint8)
     for name, mask in drawing.layers.items():
         if name != "walls" and mask.any():
             shown[name] = LAYERS.get(name, LAYERS["removed"])
-            out[mask] = shown[name]
+            np.putmask(kind, mask, len(colours))
+            colours.append(shown[name])
     if drawing.walls.any():
         shown = {"walls": WALLS, **shown}
-        out[drawing.walls] = WALLS
+        np.putmask(kind, drawing.walls, len(colours))
+        colours.append(WALLS)
+    table = np.zeros((256, 1, 3), dtype=np.uint8)
+    table[: len(colours), 0] = colours
+    out = np.asarray(cv2.applyColorMap(kind, table), dtype=np.uint8)
     for door in drawing.doors:
         thick = max(1, round(door.width / 20))
         corners = [np.rint(door.triangle()).astype(np.int32)]

@@ -142,7 +142,7 @@ def write_map(
 def _trinary(grid: Grid, seen: Mask, fill_prior: bool) -> bytes:
     """The PGM."""
     shown = seen | (grid.values != 0.0) if fill_prior else seen
-    pixels = np.where(grid.occupied(), OCCUPIED, FREE).astype(np.uint8)
+    pixels = np.where(grid.occupied(), np.uint8(OCCUPIED), np.uint8(FREE))
     pixels[~shown] = UNKNOWN
     geometry = grid.geometry
     head = f"P5\n# replay {geometry.resolution:.3f} m/pix\n{geometry.cols} {geometry.rows}\n255\n"

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from replay.drawing.bends import bent_stretches
 from replay.drawing.ink import Bits, directions, grown
 
 Doubles = npt.NDArray[np.float64]
@@ -52,12 +53,13 @@ class Seed(NamedTuple):
 
 def find_arcs(thin: Bits, smallest: float, largest: float) -> list[Arc]:
     """Arcs of 50 to 130 degrees with radii between `smallest` and `largest` px."""
-    nx, ny, sure = directions(thin)
-    rows, cols = np.nonzero((thin > 0) & (sure > SURE))
-    if len(rows) == 0:
+    rows, cols = np.nonzero(thin)
+    nx, ny, sure = directions(thin, rows, cols)
+    straight = sure > SURE
+    if not straight.any():
         return []
-    points = np.column_stack((cols, rows)).astype(np.float64)
-    normals = np.column_stack((nx[rows, cols], ny[rows, cols])).astype(np.float64)
+    points = np.column_stack((cols[straight], rows[straight])).astype(np.float64)
+    normals = np.column_stack((nx[straight], ny[straight])).astype(np.float64)
     grid = _Cells(points, normals, 32, thin.shape)
     whole = grown(thin, 3)  # plotted hairlines are often dotted
     candidates = _seeds(thin, smallest, largest) + _seeds(whole, smallest, largest)
@@ -78,53 +80,17 @@ def _covers(arc: Arc, seed: Seed) -> bool:
 
 def _seeds(thin: Bits, smallest: float, largest: float) -> list[Seed]:
     """Circles of the bent stretches of the ink's outlines, longest first."""
-    from scipy.ndimage import gaussian_filter1d  # 0.1 s to import, and many plans show no arc
-
     contours, _ = cv2.findContours(thin, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+    long = [contour[:, 0, :] for contour in contours if len(contour) >= LEAST * smallest * 2]
     out: list[Seed] = []
-    for contour in contours:
-        points = contour[:, 0, :].astype(np.float64)
-        if len(points) < LEAST * smallest * 2:
+    for points, turn in bent_stretches(long, 0.6 / largest, 1.6 / smallest, LEAST):
+        circle = _circle(points)
+        if circle is None or circle[3] > 0.45 + 0.008 * circle[2]:
             continue
-        smooth = gaussian_filter1d(points, 3.0, axis=0, mode="wrap")
-        step = np.roll(smooth, -2, axis=0) - np.roll(smooth, 2, axis=0)
-        length = np.hypot(step[:, 0], step[:, 1]) / 4 + 1e-9
-        angle = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
-        turned = angle[-1] - angle[0] + _wrapped(angle[0] - angle[-1])
-        bend = np.diff(np.append(angle, angle[0] + turned))
-        bend = gaussian_filter1d(bend, 3.0, mode="wrap") / length
-        for sign in (-1.0, 1.0):
-            bent = (sign * bend > 0.6 / largest) & (sign * bend < 1.6 / smallest)
-            for run in _stretches(bent):
-                arc = float(np.abs(bend[run] * length[run]).sum())
-                if arc < LEAST:
-                    continue
-                circle = _circle(points[run])
-                if circle is None or circle[3] > 0.45 + 0.008 * circle[2]:
-                    continue
-                if smallest <= circle[2] <= largest:
-                    x, y = points[run].mean(axis=0) - circle[:2]
-                    out.append(Seed(*circle[:3], float(np.arctan2(y, x)), arc))
+        if smallest <= circle[2] <= largest:
+            x, y = points.mean(axis=0) - circle[:2]
+            out.append(Seed(*circle[:3], float(np.arctan2(y, x)), turn))
     return sorted(out, key=lambda seed: -seed.turn * seed.radius)
-
-
-def _wrapped(angle: float) -> float:
-    """The angle in (-pi, pi]."""
-    return float(-((-angle + np.pi) % (2 * np.pi) - np.pi))
-
-
-def _stretches(on: npt.NDArray[np.bool_]) -> list[npt.NDArray[np.int64]]:
-    """Indices of every run of True on a ring."""
-    if on.all():
-        return [np.arange(len(on))]
-    if not on.any():
-        return []
-    shift = int(np.flatnonzero(~on)[0])
-    rolled = np.roll(on, -shift)
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], rolled.astype(np.int8), [0]))))
-    return [
-        (np.arange(a, b) + shift) % len(on) for a, b in zip(edges[::2], edges[1::2], strict=True)
-    ]
 
 
 def _circle(points: Doubles) -> tuple[float, float, float, float] | None:

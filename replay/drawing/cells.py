@@ -86,7 +86,7 @@ class Cells:
 
     def pick(self, chosen: Flags) -> Bits:
         """The pixels of some cells."""
-        return (chosen & (np.arange(len(chosen)) > 0))[self.labels].astype(np.uint8)
+        return (chosen & (np.arange(len(chosen)) > 0)).astype(np.uint8)[self.labels]
 
     def edges(self) -> Doubles:
         """Px sides that each cell shares with ink."""

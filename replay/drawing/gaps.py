@@ -218,29 +218,27 @@ def _faced(
     """Px from a wall's end to the wall across, if that is an opening's width away."""
     steps = np.arange(2.0, WIDTHS[1] * door + 1)
     across = np.array([-outwards[1], outwards[0]])
-    hits = []
-    for side in (-0.3 * thick, 0.0, 0.3 * thick):
-        way = np.rint(start + side * across + steps[:, None] * outwards).astype(np.int64)
-        inside = (way >= 0).all(axis=1) & (way[:, 0] < walls.shape[1])
-        inside &= way[:, 1] < walls.shape[0]
-        on = np.flatnonzero(walls[way[inside, 1], way[inside, 0]])
-        if len(on):
-            hits.append(float(steps[on[0]]))
+    sides = np.array([[[-0.3 * thick]], [[0.0]], [[0.3 * thick]]])
+    way = np.rint(start + sides * across + steps[:, None] * outwards).astype(np.int64)
+    x, y = way[..., 0], way[..., 1]
+    inside = (x >= 0) & (y >= 0) & (x < walls.shape[1]) & (y < walls.shape[0])
+    on = np.zeros(inside.shape, dtype=np.bool_)
+    on[inside] = walls[y[inside], x[inside]] > 0
+    hits = steps[on.argmax(axis=1)][on.any(axis=1)].tolist()
     if len(hits) < 2 or hits[len(hits) // 2] < WIDTHS[0] * door:
         return None
-    return sorted(hits)[len(hits) // 2]
+    return float(sorted(hits)[len(hits) // 2])
 
 
 def _once(gaps: list[Gap]) -> list[Gap]:
     """Gaps that lie on each other are one."""
     kept: list[Gap] = []
+    known = np.zeros((len(gaps), 3))  # x and y of the middle, width
     for gap in gaps:
         x, y = gap.at(0.5, 0.0)
-        for other in kept:
-            a, b = other.at(0.5, 0.0)
-            alike = abs(gap.width - other.width) < 0.3 * other.width
-            if alike and hypot(x - a, y - b) < 0.3 * other.width:
-                break
-        else:
+        wide = known[: len(kept), 2]
+        near = np.hypot(known[: len(kept), 0] - x, known[: len(kept), 1] - y) < 0.3 * wide
+        if not (near & (np.abs(gap.width - wide) < 0.3 * wide)).any():
+            known[len(kept)] = x, y, gap.width
             kept.append(gap)
     return kept

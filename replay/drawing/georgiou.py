@@ -15,7 +15,8 @@ from replay.drawing.corners import Doubles, harris_corners
 from replay.drawing.ink import Bits, Gray, binarise, distance, grown, straight_runs, upright
 from replay.drawing.layers import outline
 from replay.drawing.shapes import Door, Drawing, turn_between
-from replay.drawing.structural import DOOR_M, LARGE, enlarged
+from replay.drawing.sheet import LARGE, enlarged
+from replay.drawing.structural import DOOR_M
 from replay.drawing.triangles import Triangle, Whole, doors_of
 
 DOORS_M = (0.6, 1.3)  # m, bounds of a leaf where the scale is known

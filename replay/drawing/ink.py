@@ -12,16 +12,29 @@ import numpy.typing as npt
 Gray = npt.NDArray[np.uint8]
 Bits = npt.NDArray[np.uint8]
 Floats = npt.NDArray[np.float32]
+Whole = npt.NDArray[np.int64]
 
 PAPER_SHARE = 0.25  # ink is darker than paper by this share of the darkest tone's distance
 DARK_PERCENTILE = 20  # of the pixels that differ from paper: the tone of full ink
 FAINT = 12  # grey levels below paper that are a faint line, on a sheet without grain
+EXACT = 1 << 24  # a float32 counts so far
+BAND = 1_500_000  # px of a picture of floats that is worked on at a time: it stays in the cache
 GRAIN = 0.01  # share of pixels that are nearly paper; a scan has more, a plot fewer
+
+
+def tones(gray: Gray) -> npt.NDArray[np.int64]:
+    """(256,) pixels of each grey."""
+    flat = gray.reshape(1, -1)
+    counts = np.zeros(256, dtype=np.int64)
+    for start in range(0, flat.shape[1], EXACT):  # OpenCV counts in float32
+        part = cv2.calcHist([flat[:, start : start + EXACT]], [0], None, [256], [0, 256])
+        counts += np.asarray(part).ravel().astype(np.int64)
+    return counts
 
 
 def upright(gray: Gray) -> Gray:
     """Dark ink on bright paper: a picture that is mostly dark is turned over."""
-    counts = np.bincount(gray.ravel(), minlength=256)
+    counts = tones(gray)
     return 255 - gray if counts[:128].sum() > counts[128:].sum() else gray
 
 
@@ -36,7 +49,7 @@ def binarise(gray: Gray) -> Bits:
     Light grey hatching and thin grey lines count, the grain of a scanned sheet does not. Paper is
     what most bright pixels show.
     """
-    counts = np.bincount(gray.ravel(), minlength=256)
+    counts = tones(gray)
     paper = _paper(counts)
     dark = counts[: max(1, paper - 15)]
     if dark.sum() == 0:
@@ -47,7 +60,7 @@ def binarise(gray: Gray) -> Bits:
 
 def faint(gray: Gray, ink: Bits) -> Bits:
     """Ink with its faintest lines, which plotters use for door arcs; the ink alone on a scan."""
-    counts = np.bincount(gray.ravel(), minlength=256)
+    counts = tones(gray)
     paper = _paper(counts)
     if counts[max(0, paper - FAINT) : paper].sum() > GRAIN * gray.size:
         return ink
@@ -91,14 +104,37 @@ def closed(mask: Bits, side: int) -> Bits:
     return np.ascontiguousarray(out[side:-side, side:-side], dtype=np.uint8)
 
 
-def directions(ink: Bits, sigma: float = 2.5) -> tuple[Floats, Floats, Floats]:
-    """Normals (nx, ny) of the strokes by their structure tensor, and how surely (0 to 1)."""
-    soft = cv2.GaussianBlur(ink.astype(np.float32), (0, 0), 1.0)
-    gx, gy = cv2.Scharr(soft, cv2.CV_32F, 1, 0), cv2.Scharr(soft, cv2.CV_32F, 0, 1)
-    xx, yy, xy = (cv2.GaussianBlur(g, (0, 0), sigma) for g in (gx * gx, gy * gy, gx * gy))
-    gap = np.sqrt((xx - yy) ** 2 + 4 * xy * xy)
-    angle = 0.5 * np.arctan2(2 * xy, xx - yy)
-    return np.cos(angle), np.sin(angle), gap / (xx + yy + 1e-9)
+def directions(
+    ink: Bits, rows: Whole, cols: Whole, sigma: float = 2.5
+) -> tuple[Floats, Floats, Floats]:
+    """Normals (nx, ny) of the strokes at some pixels, and how surely (0 to 1): all (n,).
+
+    By the structure tensor, a band of the picture at a time.
+
+    Args:
+        ink: (H, W).
+        rows, cols: (n,) of the pixels, by rows.
+        sigma: px, over which it is averaged.
+    """
+    nx, ny, sure = (np.zeros(len(rows), dtype=np.float32) for _ in range(3))
+    high, halo = max(1, BAND // max(1, ink.shape[1])), round(4 * sigma) + 8
+    for top in range(0, ink.shape[0], high):
+        first, last = np.searchsorted(rows, [top, top + high])
+        if first == last:
+            continue
+        start = max(0, top - halo)
+        soft = cv2.GaussianBlur(ink[start : top + high + halo].astype(np.float32), (0, 0), 1.0)
+        gx, gy = cv2.Scharr(soft, cv2.CV_32F, 1, 0), cv2.Scharr(soft, cv2.CV_32F, 0, 1)
+        place = rows[first:last] - start, cols[first:last]
+        xx, yy, xy = (
+            np.asarray(cv2.GaussianBlur(g, (0, 0), sigma))[place]
+            for g in (gx * gx, gy * gy, gx * gy)
+        )
+        gap = np.sqrt((xx - yy) ** 2 + 4 * xy * xy)
+        angle = 0.5 * np.arctan2(2 * xy, xx - yy)
+        nx[first:last], ny[first:last] = np.cos(angle), np.sin(angle)
+        sure[first:last] = gap / (xx + yy + 1e-9)
+    return nx, ny, sure
 
 
 def straight(mask: Bits, length: int) -> Bits:

@@ -105,4 +105,4 @@ def _stairs(lines: Bits, door: float) -> Bits:
     _, labels, stats, _ = cv2.connectedComponentsWithStats(runs, connectivity=8)
     many = stats[:, cv2.CC_STAT_AREA] > TREADS * TREAD[0] * 0.7 * 2 * door * door
     many[0] = False
-    return many[labels].astype(np.uint8)
+    return many.astype(np.uint8)[labels]

@@ -65,7 +65,7 @@ def barred_doors(
     _, labels, stats, _ = cv2.connectedComponentsWithStats(thick, connectivity=8)
     large = stats[:, 2:4].max(axis=1) > ISLAND * door  # where leaves overlap they are thick, too
     large[0] = False
-    thick = large[labels].astype(np.uint8)
+    thick = large.astype(np.uint8)[labels]
     out: list[Door] = []
     free = lines & (1 - thick)
     for gap in find_gaps(thick, door):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from time import perf_counter
 
 import cv2
@@ -10,14 +9,14 @@ import numpy as np
 
 from replay.drawing.arcs import find_arcs
 from replay.drawing.cells import Cells
-from replay.drawing.ink import Bits, Gray, binarise, faint, grown, opened, shrunk, upright
+from replay.drawing.ink import Bits, Gray, grown, opened
 from replay.drawing.layers import outline, sorted_ink
 from replay.drawing.openings import barred_doors, gap_doors
-from replay.drawing.shapes import Door, Drawing, Mask
+from replay.drawing.shapes import Door, Drawing
+from replay.drawing.sheet import Sheet
 from replay.drawing.swing import Leaf, choose_doors, leaves_of, usual_width
 from replay.drawing.walls import find_walls
 
-LARGE = 36_000_000  # px: larger pictures are worked on at half their size
 LEAST_DOOR = 8.0  # px: below, walls of 10 cm are less than a pixel
 DOOR_M = 0.8  # m, the usual width of a leaf (EN and DIN sizes run from 0.7 to 1.0)
 SMALLEST, LARGEST = 1 / 220, 1 / 5  # of the longer side: radii of doors where no scale is known
@@ -33,15 +32,11 @@ def structural(gray: Gray, resolution: float | None = None) -> Drawing:
         resolution: m / px where it is known; else the doors give the scale.
     """
     started = perf_counter()
-    gray = upright(gray)
-    ink = binarise(gray)
-    lines = faint(gray, ink)
-    half = gray.size > LARGE
-    if half:
-        ink, lines = shrunk(ink, 2), shrunk(lines, 2)
-    door = DOOR_M / resolution / (2 if half else 1) if resolution else 0.0
+    sheet = Sheet.of(gray)
+    ink, lines = sheet.ink, sheet.lines
+    door = DOOR_M / resolution / sheet.scale if resolution else 0.0
     seconds = {"ink": perf_counter() - started}
-    leaves = _leaves(lines, door)
+    leaves = _leaves(sheet, door)
     door = max(LEAST_DOOR, door or usual_width(leaves) or _by_walls(ink))
     seconds["doors"] = perf_counter() - started - seconds["ink"]
     walls, layers = find_walls(ink, door)
@@ -54,42 +49,25 @@ def structural(gray: Gray, resolution: float | None = None) -> Drawing:
     layers = sorted_ink(lines, walls, inside, doors, windows, layers, door)
     seconds["layers"] = perf_counter() - started - sum(seconds.values())
     drawing = Drawing(
-        walls.astype(np.bool_),
+        walls.view(np.bool_),
         doors,
-        inside.astype(np.bool_),
-        {name: layer.astype(np.bool_) for name, layer in layers.items()},
+        inside.view(np.bool_),
+        {name: layer.view(np.bool_) for name, layer in layers.items()},
         door,
         seconds,
     )
-    return enlarged(drawing, (gray.shape[0], gray.shape[1])) if half else drawing
+    return sheet.whole(drawing)
 
 
 def door_leaves(gray: Gray, resolution: float | None = None) -> list[Leaf]:
     """Arcs with a leaf, before it is asked whether walls carry them; see `structural`."""
-    gray = upright(gray)
-    ink = binarise(gray)
-    lines = faint(gray, ink)
-    if gray.size > LARGE:
-        lines = shrunk(lines, 2)
-    scale = 2 if gray.size > LARGE else 1
-    return _leaves(lines, DOOR_M / resolution / scale if resolution else 0.0)
+    sheet = Sheet.of(gray)
+    return _leaves(sheet, DOOR_M / resolution / sheet.scale if resolution else 0.0)
 
 
-def enlarged(drawing: Drawing, shape: tuple[int, int]) -> Drawing:
-    """What was found at half the size, in pixels of the whole picture of `shape`."""
-    return Drawing(
-        _doubled(drawing.walls, shape),
-        [_twice(door) for door in drawing.doors],
-        _doubled(drawing.outline, shape),
-        {name: _doubled(layer, shape) for name, layer in drawing.layers.items()},
-        2 * drawing.door_width,
-        drawing.seconds,
-    )
-
-
-def _leaves(lines: Bits, door: float) -> list[Leaf]:
+def _leaves(sheet: Sheet, door: float) -> list[Leaf]:
     """Arcs with a leaf, of any plausible size."""
-    longer = max(lines.shape)
+    lines, longer = sheet.lines, max(sheet.shape) / sheet.scale
     low = max(12.0, SMALLEST * longer) if not door else 0.55 * door
     high = LARGEST * longer if not door else 1.8 * door
     thin = lines & (1 - grown(opened(lines, 9), 3))
@@ -115,18 +93,3 @@ def _sectors(doors: list[Door], shape: tuple[int, ...]) -> Bits:
     for one in doors:
         cv2.fillPoly(out, [np.rint(one.sector()).astype(np.int32)], 1)
     return out
-
-
-def _doubled(mask: Mask, shape: tuple[int, int]) -> Mask:
-    """A halved mask at its first size."""
-    return np.repeat(np.repeat(mask, 2, axis=0), 2, axis=1)[: shape[0], : shape[1]]
-
-
-def _twice(door: Door) -> Door:
-    """A door of the halved picture in pixels of the whole one."""
-    return replace(
-        door,
-        hinge=(2 * door.hinge[0] + 0.5, 2 * door.hinge[1] + 0.5),
-        end=(2 * door.end[0] + 0.5, 2 * door.end[1] + 0.5),
-        depth=2 * door.depth,
-    )

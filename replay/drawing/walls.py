@@ -11,8 +11,6 @@ import numpy as np
 from replay.drawing.cells import Cells
 from replay.drawing.ink import Bits, closed, grown, opened, straight
 
-SHEET = 0.75  # of the picture's sides: what reaches so far may be the sheet's border
-FRAME_INK = 0.4  # of all ink: a building has more
 LINE = 0.06  # door widths: no line is thicker
 LETTER = 0.8  # door widths: smaller lone strokes are text, dots and ticks
 COLUMN = 0.13  # door widths: a solid rectangle of that side is a column, not a letter
@@ -35,25 +33,6 @@ OUTER = 0.19  # door widths: no outer wall is thinner (15 cm)
 OUTER_SHARE = 0.45  # of the solid walls' area: with less as thick as that, hollow is the style
 
 
-def frame(ink: Bits) -> Bits:
-    """The sheet's border with the title block that hangs on it: wide around, little ink."""
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(ink, connectivity=8)
-    around = (stats[:, 2] > SHEET * ink.shape[1]) & (stats[:, 3] > SHEET * ink.shape[0])
-    around &= stats[:, 4] < FRAME_INK * float(ink.sum())
-    around[0] = False
-    return around[labels].astype(np.uint8)
-
-
-def beside_frame(ink: Bits, border: Bits) -> Bits:
-    """The fields that the sheet's border cuts off, all but the one that holds most ink."""
-    if not border.any():
-        return np.zeros_like(ink)
-    count, labels = cv2.connectedComponents(1 - border, connectivity=4)
-    held = np.bincount(np.asarray(labels)[ink > 0], minlength=count)
-    other = np.arange(count) != int(held.argmax())
-    return other[labels].astype(np.uint8)
-
-
 def letters(ink: Bits, door: float) -> Bits:
     """Lone small strokes: text, dots, ticks. Solid rectangles stay, they are columns."""
     _, labels, stats, _ = cv2.connectedComponentsWithStats(ink, connectivity=8)
@@ -62,7 +41,7 @@ def letters(ink: Bits, door: float) -> Bits:
     solid = (area > 0.85 * wide * high) & (least > COLUMN * door) & (most < 2 * least)
     small = (most < LETTER * door) & ~solid
     small[0] = False
-    return small[labels].astype(np.uint8)
+    return small.astype(np.uint8)[labels]
 
 
 def line_thickness(ink: Bits, door: float) -> int:
@@ -91,14 +70,10 @@ def find_walls(ink: Bits, door: float) -> tuple[Bits, dict[str, Bits]]:
     """Walls, solid, and what was told apart on the way.
 
     Args:
-        ink: (H, W).
+        ink: (H, W), without frame and title block.
         door: px, the usual width of a leaf.
     """
-    layers = {"frame": frame(ink)}
-    ink = ink & (1 - layers["frame"])
-    layers["title block"] = ink & beside_frame(ink, layers["frame"])
-    ink = ink & (1 - layers["title block"])
-    layers["text"] = letters(ink, door)
+    layers = {"text": letters(ink, door)}
     ink = ink & (1 - layers["text"])
     line = line_thickness(ink, door)
     side = solid_side(ink, line, door)
@@ -134,14 +109,14 @@ def _hatched(ink: Bits, cells: Cells, solid: Bits, door: float) -> Bits:
     slits += np.bincount(centre, minlength=count)
     good = (slits > 0.3 * stats[:, 4]) & (np.maximum(stats[:, 2], stats[:, 3]) > 0.5 * door)
     good[0] = False
-    return good[labels].astype(np.uint8)
+    return good.astype(np.uint8)[labels]
 
 
 def _is_hollow_style(ink: Bits, walls: Bits, line: int, door: float) -> bool:
     """Whether double lines stand for walls here: what is solid is too thin for outer walls."""
     if float(walls.sum()) < SOLID_INK * float(ink.sum()):
         return True
-    factor = max(1, round(door / 24))
+    factor = max(1, round(door / 16))
     long = round(LONG * door / factor)
     thick = opened(walls, max(round(OUTER * door), 3 * line + 1))
     area = [float(straight(_coarse(m, factor), long).sum()) for m in (thick, walls)]
@@ -187,7 +162,7 @@ def _hollow(ink: Bits, cells: Cells, solid: Bits, line: int, door: float) -> Bit
 
 def _open_bands(ink: Bits, cells: Cells, hollow: Bits, door: float) -> Bits:
     """Walls whose two lines are not closed at the ends: long bands as wide as the other walls."""
-    walls = np.bincount(cells.labels.ravel(), hollow.ravel(), len(cells.area)) > 0
+    walls = np.bincount(cells.labels[hollow > 0], minlength=len(cells.area)) > 0
     walls &= cells.length > LONG * door
     walls[0] = False
     if not walls.any():
@@ -224,11 +199,11 @@ def _buildings(walls: Bits, door: float) -> Bits:
         np.minimum(stats[:, 2], stats[:, 3]) > COLUMN * small
     )
     column[0] = False
-    kept = grown(lines, 2 * round(0.15 * small) + 1) & coarse | column[labels].astype(np.uint8)
+    kept = grown(lines, 2 * round(0.15 * small) + 1) & coarse | column.astype(np.uint8)[labels]
     reach = grown(kept, 2 * round(BRIDGE * small / 2) + 1)
     count, labels = cv2.connectedComponents(reach, connectivity=8)
     mass = np.bincount(labels[lines > 0], minlength=count).astype(np.float64)
     mass[0] = 0
-    kept &= (mass > SCRAP * mass.max())[labels].astype(np.uint8)
+    kept &= (mass > SCRAP * mass.max()).astype(np.uint8)[labels]
     full = cv2.resize(kept, walls.shape[::-1], interpolation=cv2.INTER_NEAREST)
     return walls & grown(full, 2 * factor + 1)

@@ -1,9 +1,20 @@
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 
-from replay.drawing.ink import binarise, closed, opened, opened_by, shrunk, straight
+from replay.drawing import ink
+from replay.drawing.ink import (
+    binarise,
+    closed,
+    directions,
+    opened,
+    opened_by,
+    shrunk,
+    straight,
+    tones,
+)
 
 
 @pytest.mark.parametrize("side", [2, 3, 4, 7, 8])
@@ -55,3 +66,33 @@ def test_straight_keeps_long_lines_of_any_direction_and_drops_blobs() -> None:
     kept = straight(mask, 20)
     assert kept[30, 30]
     assert not kept[5:12, 40:47].any()
+
+
+def test_greys_are_counted_exactly(monkeypatch: pytest.MonkeyPatch) -> None:
+    gray = np.random.default_rng(2).integers(0, 256, (123, 77)).astype(np.uint8)
+    monkeypatch.setattr(ink, "EXACT", 1000)
+    assert (tones(gray) == np.bincount(gray.ravel(), minlength=256)).all()
+
+
+def test_normals_of_strokes_do_not_depend_on_the_bands_they_are_read_in(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    mask = np.zeros((200, 160), dtype=np.uint8)
+    for k in range(12):
+        turn = k * np.pi / 12
+        way = np.rint(70 * np.array([np.cos(turn), np.sin(turn)])).astype(int)
+        mid = np.array([80, 100])
+        cv2.line(mask, (mid - way).tolist(), (mid + way).tolist(), 1, 1)
+    rows, cols = np.nonzero(mask)
+    whole = directions(mask, rows, cols)
+    monkeypatch.setattr(ink, "BAND", 160 * 9)
+    for one, other in zip(whole, directions(mask, rows, cols), strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-5)
+
+
+def test_the_normal_of_a_line_lies_across_it() -> None:
+    mask = np.zeros((100, 100), dtype=np.uint8)
+    cv2.line(mask, (10, 20), (90, 60), 1, 1)
+    nx, ny, sure = directions(mask, np.array([40]), np.array([50]))
+    assert sure[0] > 0.9
+    assert abs(nx[0] * 80 + ny[0] * 40) / np.hypot(80, 40) < 0.03
