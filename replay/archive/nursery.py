@@ -31,6 +31,8 @@ def main() -> None:
     warm()
     _say(answers, {"ready": os.getpid()})
     while line := _line():
+        if FORKS and _deserted():
+            return
         task = json.loads(line)
         if not FORKS:
             _say(answers, {"pid": os.getpid()})
@@ -38,6 +40,13 @@ def main() -> None:
             _say(answers, {"ended": 0})
             return
         _fork(task, answers)
+
+
+def _deserted() -> bool:
+    """Whether the batch went while its task lay here: nobody would clear up after the run."""
+    stdin = select.poll()
+    stdin.register(0, select.POLLHUP)
+    return bool(stdin.poll(0))
 
 
 def _line() -> bytes:

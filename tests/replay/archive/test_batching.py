@@ -19,7 +19,7 @@ import pytest
 from formats.errors import FormatError, UsageError
 from formats.results.file import read_result
 from replay import batch, rescore, run
-from replay.archive import working
+from replay.archive import nursery, working
 from replay.archive.ledger import Ledger
 from replay.archive.manifest import FILES
 from replay.cli import _exit_code
@@ -224,6 +224,15 @@ def test_a_bad_log_costs_only_itself(home: Path, monkeypatch: pytest.MonkeyPatch
     assert sorted(better.done) == ["bug", "crash", "eat", "hang"]
     assert sorted(better.failed) == ["damaged", "empty"]
     assert not (home / "runs" / "bug.failed.json").exists()
+
+
+@pytest.mark.skipif(not nursery.FORKS, reason="runs are forked on Linux alone")
+def test_a_task_whose_batch_is_gone_is_not_begun(home: Path) -> None:
+    task = {"logs": ["logs/0.mcap"], "output": "orphan.mcap", "options": {}, "files": {}}
+    command = [sys.executable, "-c", working.START]
+    done = subprocess.run(command, input=json.dumps(task).encode() + b"\n", stdout=subprocess.PIPE)
+    assert b'"ready"' in done.stdout
+    assert b'"pid"' not in done.stdout
 
 
 @pytest.mark.skipif(os.getuid() != 0, reason="only root may mount a small disk")
