@@ -13,7 +13,7 @@ from formats.stream import Drive
 from replay.options import Options
 from replay.pictures import CURVE_NAMES
 from replay.prior import breaks_e13
-from replay.scoring import METRICS
+from replay.scoring.scorer import METRICS
 from replay.world import World
 
 SHOWN = ("precision", "recall", "f2")

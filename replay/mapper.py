@@ -6,8 +6,8 @@ from typing import Any
 
 from formats.frame import Frame
 from formats.grid import Evidence, Geometry
-from replay.sensor import MODELS, Model, Touched
-from replay.sensor_polar import observer
+from replay.sensors.observer import MODELS, Model, Touched
+from replay.sensors.polar import observer
 
 
 class Mapper:

@@ -16,7 +16,7 @@ from formats.sensing.echo import Echo
 from replay.cells import Rule
 from replay.drawn import PlanMethod
 from replay.localise import options as localising
-from replay.sensor import NoReturn
+from replay.sensors.observer import NoReturn
 from replay.world import Region
 
 

@@ -8,8 +8,8 @@ from time import perf_counter
 from formats.frame import Frame
 from formats.result import Maps, Step
 from replay.mapper import Mapper
-from replay.predictive import Predictor
-from replay.scoring import Scorer
+from replay.scoring.predictive import Predictor
+from replay.scoring.scorer import Scorer
 from replay.world import World
 
 EARLY = 8  # the first keyframes are 0, 1, 3, 7, ..., since most changes there

@@ -23,13 +23,14 @@ from formats.plans.prior_values import read_prior_values
 from formats.result import Result
 from formats.results.file import ResultWriter
 from formats.stream import open_log, survey
-from replay import facts, measuring
+from replay import facts
 from replay.mapper import Mapper
 from replay.options import GATES, READING, WORLD, Options, among, effective, plan_values
 from replay.pipeline import Clock, steps
 from replay.posing import decide, pose, wish
-from replay.predictive import Predictor
-from replay.sensor import MODELS
+from replay.scoring import measuring
+from replay.scoring.predictive import Predictor
+from replay.sensors.observer import MODELS
 from replay.surveying.deviations import deviations
 from replay.world import build_world
 
@@ -148,7 +149,7 @@ def run(
         posed = pose(decision, drive, plan, notes, chosen, laid=laid, edits=edits)
         judged = None
         if truth_poses:
-            from replay.pose_truth import judge
+            from replay.trajectories.truth import judge
 
             judged = judge(
                 truth_poses,

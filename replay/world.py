@@ -18,7 +18,7 @@ from formats.result import Curve
 from replay.cells import CellLayers, Rule, cell_layers, count_walls, mean_values, truth_cells
 from replay.drawn import Openings, PlanMethod, taken_apart
 from replay.prior import informative, no_prior
-from replay.sensor import MODELS
+from replay.sensors.observer import MODELS
 
 Region = Literal["footprint", "image", "observed"]
 Bools = npt.NDArray[np.bool_]

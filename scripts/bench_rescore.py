@@ -19,7 +19,7 @@ import numpy as np
 
 from formats.results.kept import read_kept
 from replay import rescore, run
-from replay.rescoring import at_the_end
+from replay.archive.rescoring import at_the_end
 from scripts.bench_run import make_log
 from scripts.flat import LEFT, LOW, picture, plan_boxes
 from scripts.make_sample_logs import YAML

@@ -28,8 +28,8 @@ from formats.streaming.drive import Drive
 from replay.localise.localising import localise
 from replay.localise.options import Options
 from replay.localise.poses import carried
-from replay.pose_metrics import planar_trajectory
-from replay.pose_relations import relation_errors
+from replay.trajectories.errors import planar_trajectory
+from replay.trajectories.relations import relation_errors
 from scripts.bench_localise import MISSING, build
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data" / "carmen" / "mola_radish"

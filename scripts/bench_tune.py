@@ -14,7 +14,7 @@ import numpy as np
 from formats.grid import Evidence, Geometry, Grid, logit
 from replay.mapper import Mapper
 from replay.prior import used
-from replay.scoring import count
+from replay.scoring.scorer import count
 from replay.simulator.driving import drive
 from replay.simulator.frames import frames
 from replay.simulator.sensors import Lidar

@@ -21,7 +21,7 @@ from formats.errors import Notes
 from formats.plans.annotations import read_truth
 from formats.plans.file import open_plan
 from replay.drawing import Method, extract
-from replay.plan_scores import score
+from replay.planning.scores import score
 
 ROOT = Path(__file__).resolve().parent.parent
 COLUMNS = (

@@ -22,8 +22,8 @@ import numpy.typing as npt
 from replay.drawing import Door, Method, corners, extract, triangles
 from replay.drawing.georgiou import bounds, shortlist
 from replay.drawing.ink import binarise
-from replay.example_plans import SYMBOLS, plan, symbol
-from replay.plan_scores import score_doors, score_walls
+from replay.planning.scores import score_doors, score_walls
+from replay.reproduction.example_plans import SYMBOLS, plan, symbol
 
 METHODS: tuple[Method, ...] = ("structural", "georgiou")
 SIZES = (40.0, 60.0, 90.0, 140.0)  # px, of the opening

@@ -203,7 +203,7 @@ def true_shares(*what: Any, truth: Cells, **options: Any) -> Cells:
     return np.where(seen >= 0, truth, seen)
 
 
-# Every entry of replay.sensor.MODELS has its oracle here.
+# Every entry of replay.sensors.observer.MODELS has its oracle here.
 READINGS: dict[str, Callable[..., Any]] = {
     "beam": beam,
     "eq10": shares,
@@ -255,7 +255,7 @@ def exact_mcc(counts: Counts) -> Fraction:
     return (Fraction(counts.tp, n) - found * real) / Fraction(root)
 
 
-# Every entry of replay.scoring.METRICS has its oracle here.
+# Every entry of replay.scoring.scorer.METRICS has its oracle here.
 SCORES: dict[str, Callable[[Counts], Fraction]] = {
     "precision": exact_precision,
     "recall": exact_recall,

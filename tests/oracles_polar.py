@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from formats.frame import Pose, Scan
 from formats.grid import Geometry
-from replay.sensor import MODELS, Model
+from replay.sensors.observer import MODELS, Model
 
 Cells = npt.NDArray[np.int64]
 UNSURE, NOTHING = -2, -1

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from formats.grid import Evidence, Geometry, Grid, Update, logit
 from formats.result import Counts
 from replay.prior import used
-from replay.scoring import count
+from replay.scoring.scorer import count
 from replay.tuning.cases import KINDS, OUTSIDE, SPACE, WALL, Ground
 from replay.tuning.surfaces import Values
 

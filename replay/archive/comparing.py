@@ -17,8 +17,8 @@ from replay.archive.finding import places
 from replay.archive.places import Place
 from replay.archive.rescored import CELLS, Scored, Values, rescore
 from replay.archive.summary import at_the_end
-from replay.intervals import Paired, paired
-from replay.scoring import METRICS
+from replay.scoring.intervals import Paired, paired
+from replay.scoring.scorer import METRICS
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -12,11 +12,11 @@ from replay.archive.comparing import Comparison, Side
 from replay.archive.finding import results_in
 from replay.archive.places import local
 from replay.archive.rescored import scores
+from replay.archive.rescoring import curves_under, through_time
 from replay.archive.summary import titled
 from replay.figures import Chart, Line, charts
 from replay.pictures import FALSE, FOUND, MISSED, errors, gray, png
 from replay.reporting.markup import figure, key, page, picture, table, text
-from replay.rescoring import curves_under, through_time
 
 SHOWN = 3  # logs that lose most, and that gain most, with maps
 MOST_ROWS = 500

@@ -14,9 +14,9 @@ from formats.result import Counts
 from formats.results.kept import Kept, read_kept
 from replay.archive.finding import FAILED, Found, places, results_in
 from replay.archive.places import RESULT, Place, local
-from replay.rescoring import VALUES, at_the_end, needs_layers, options_of, through_time
-from replay.rescoring_kernels import Ints
-from replay.scoring import METRICS
+from replay.archive.rescoring import VALUES, at_the_end, needs_layers, options_of, through_time
+from replay.archive.rescoring_kernels import Ints
+from replay.scoring.scorer import METRICS
 
 if TYPE_CHECKING:
     import pandas as pd

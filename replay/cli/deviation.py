@@ -57,7 +57,7 @@ def command(result: Path, output: Path | None, as_json: bool, **options: Any) ->
     if as_json:
         answer(facts)
     else:
-        from replay.deviating import report
+        from replay.surveying.deviating import report
 
         click.echo(report(facts))
     return ending(notes)

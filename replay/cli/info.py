@@ -37,7 +37,7 @@ def command(logs: tuple[Path, ...], check: bool, as_json: bool, quiet: bool, **o
     log, and 2 where it would ask for a choice of topics.
     """
     from replay.cli.info_text import info_report, next_step
-    from replay.inspecting import inspect
+    from replay.inspecting.contents import inspect
 
     codes, found, failed = [], [], 0
     for log in logs:

@@ -7,9 +7,9 @@ from datetime import UTC, datetime
 from fnmatch import fnmatchcase
 
 from formats.errors import printable
-from replay.checks import Check
-from replay.inspecting import Inspection
-from replay.tallying import Tally, described
+from replay.inspecting.checks import Check
+from replay.inspecting.contents import Inspection
+from replay.inspecting.tallying import Tally, described
 
 WIDTH = 100
 NAME, TYPE = 40, 28  # columns that are aligned; longer texts push the rest of their line

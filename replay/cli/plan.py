@@ -64,7 +64,7 @@ def command(path: Path, as_json: bool, **options: Any) -> int:
     if as_json:
         answer(facts)
     else:
-        from replay.planning import report
+        from replay.planning.extracting import report
 
         click.echo(report(facts))
     return ending(notes)

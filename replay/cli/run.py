@@ -136,7 +136,7 @@ METHODS = ["auto", "log", "amcl", "match", "fastslam"]
     "--sensor",
     metavar="NAME",
     cls=TableOption,
-    table="replay.sensor_models:MODELS",
+    table="replay.sensors.models:MODELS",
     help="Sensor model; beam by default:",
 )
 @click.option("--p-hit", type=PROBABILITY, help="P(OCCUPIED) of a hit; 0.7 for beam.")
@@ -164,7 +164,7 @@ METHODS = ["auto", "log", "amcl", "match", "fastslam"]
     metavar="NAME",
     multiple=True,
     cls=TableOption,
-    table="replay.measuring:NAMES",
+    table="replay.scoring.measuring:NAMES",
     help="More scores of the last maps; may be given again:",
 )
 @click.option(

@@ -138,7 +138,7 @@ def command(plan: Path, as_json: bool, quiet: bool, **options: Any) -> int:
     """
     from replay import simulate
     from replay.cli.progress import bar
-    from replay.simulating import report
+    from replay.simulator.simulating import report
 
     notes = Notes()
     chosen = {name: value for name, value in options.items() if value not in (None, ())}

@@ -12,7 +12,6 @@ from formats.errors import FormatError, Notes
 from formats.frame import Pose
 from formats.results.file import RunFile
 from formats.results.records import ratios
-from replay.deviating import listed, of_run
 from replay.facts import SHOWN
 from replay.options import DEFAULTS
 from replay.pictures import (
@@ -27,6 +26,7 @@ from replay.pictures import (
 )
 from replay.reporting.drawings import Curve, chart, map_drawing, window
 from replay.reporting.markup import bullets, figure, key, picture, table, text
+from replay.surveying.deviating import listed, of_run
 from replay.surveying.showing import picture as deviation_picture
 from replay.viewing.making import around
 

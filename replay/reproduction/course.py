@@ -9,9 +9,9 @@ import numpy as np
 
 from formats.grid import Update
 from replay import figures
-from replay.example_plans import Plan as Drawn
 from replay.figures import Chart, Line, Picture, Surface
 from replay.reproduction.claims import Section
+from replay.reproduction.example_plans import Plan as Drawn
 from replay.reproduction.maps import RULES
 from replay.reproduction.studies import shade, three
 from replay.simulator.sensors import Lidar, Noise

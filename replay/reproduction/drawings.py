@@ -10,10 +10,10 @@ from replay import figures
 from replay.drawing import Door, extract
 from replay.drawing.georgiou import bounds, shortlist
 from replay.drawing.ink import binarise
-from replay.example_plans import SYMBOLS, symbol
 from replay.figures import Picture
-from replay.plan_scores import score_doors, score_walls
+from replay.planning.scores import score_doors, score_walls
 from replay.reproduction.claims import Section
+from replay.reproduction.example_plans import SYMBOLS, symbol
 from replay.reproduction.studies import Study
 
 TURNS = (0.0, 15.0, 45.0, 70.0, 105.0, 180.0, 250.0, 315.0)

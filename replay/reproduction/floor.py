@@ -13,7 +13,6 @@ from formats.frame import Frame, Pose
 from formats.grid import Evidence
 from formats.plans.plan import Plan
 from replay import figures
-from replay.example_plans import Plan as Drawn
 from replay.figures import Chart, Line, Picture
 from replay.localise.estimate import Estimate
 from replay.localise.field import build_field
@@ -22,9 +21,10 @@ from replay.localise.tracking import Sighting, amcl
 from replay.mapper import Mapper
 from replay.reproduction.claims import Section
 from replay.reproduction.course import KINECT
+from replay.reproduction.example_plans import Plan as Drawn
 from replay.reproduction.maps import RULES
 from replay.reproduction.studies import shade
-from replay.sensor import MODELS
+from replay.sensors.observer import MODELS
 from replay.simulator.coverage import Ground
 from replay.simulator.driving import Drift, believed, drive
 from replay.simulator.frames import frames

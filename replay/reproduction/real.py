@@ -19,7 +19,7 @@ from replay.reproduction.claims import Section
 from replay.reproduction.course import SENSORS, reoptimised
 from replay.reproduction.maps import RULES
 from replay.running import run
-from replay.sensor import MODELS
+from replay.sensors.observer import MODELS
 from replay.tuning.early import course, moments_of
 from replay.tuning.picks import PAPER
 from replay.tuning.reading import ground_of, values_of

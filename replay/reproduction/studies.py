@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from formats.grid import Grid, Update, probability
 from replay.drawing import Drawing, Method, extract
-from replay.example_plans import PX_PER_M, plan
-from replay.example_plans import Plan as Drawn
+from replay.reproduction.example_plans import PX_PER_M, plan
+from replay.reproduction.example_plans import Plan as Drawn
 from replay.tuning.early import Moment, moments
 from replay.tuning.simulated import Explored, ScoredRegion, Setup
 from replay.tuning.surfaces import Tables

@@ -12,7 +12,7 @@ from formats.grid import Update, logit
 from formats.results.file import RunFile
 from replay.cells import Rule
 from replay.prior import P_OUTSIDE, P_SPACE, P_WALL, PRIOR_SCALE, used
-from replay.sensor import MODELS
+from replay.sensors.observer import MODELS
 from replay.tuning.cases import DOOR, KINDS, MIXED, OUTSIDE, SPACE, WALL, WINDOW, Ground, ground
 from replay.tuning.surfaces import Values
 

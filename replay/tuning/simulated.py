@@ -25,7 +25,7 @@ from formats.grid import Counted, Evidence, Geometry, Grid, Update, logit
 from replay.cells import GAP, Rule, enclosed
 from replay.mapper import Mapper
 from replay.prior import used
-from replay.sensor import MODELS, Model
+from replay.sensors.observer import MODELS, Model
 from replay.simulator.coverage import Ground as Floor
 from replay.simulator.sensors import QUIET, SCANS, Lidar, Noise, Planar, Sonar
 from replay.simulator.site import Site

@@ -11,7 +11,7 @@ from formats.grid import Evidence, Update
 from formats.plans.file import open_plan
 from formats.results.file import read_result
 from replay.drawn import PlanMethod, taken_apart
-from replay.sensor import MODELS
+from replay.sensors.observer import MODELS
 from replay.tuning.cases import Case, Ground
 from replay.tuning.early import Moment, moments, moments_of
 from replay.tuning.reading import ground_of, values_of

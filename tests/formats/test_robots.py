@@ -16,7 +16,7 @@ from formats.sensing.ring import shared
 from formats.stream import frames, survey
 from formats.streaming.robots import strangers
 from replay.cli.info_text import info_report
-from replay.inspecting import inspect
+from replay.inspecting.contents import inspect
 from tests.drives import points
 from tests.faults_world import PILLAR, ROOM, path, ray
 from tests.ros_logs import RosLog

@@ -9,7 +9,7 @@ import pytest
 from formats.frame import Frame, Pose, Scan
 from formats.grid import Geometry, Grid
 from replay.mapper import Mapper
-from replay.sensor import MODELS, Touched
+from replay.sensors.observer import MODELS, Touched
 
 ROOM = Geometry(60, 60, 0.1, -3.0, -3.0)
 

@@ -13,7 +13,7 @@ from formats.plans.file import Plan, open_plan
 from formats.result import Step
 from replay.mapper import Mapper
 from replay.pipeline import Clock, keyframes, steps
-from replay.scoring import count
+from replay.scoring.scorer import count
 from replay.world import World, build_world
 from tests.worlds import world_png
 

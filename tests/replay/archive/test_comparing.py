@@ -17,7 +17,7 @@ import pytest
 from formats.errors import FormatError, UsageError
 from replay import batch, compare, rescore
 from replay.cli import _exit_code
-from replay.scoring import METRICS
+from replay.scoring.scorer import METRICS
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ from formats.results.file import read_result
 from formats.results.kept import read_kept
 from replay import rescore, run
 from replay.cli import _exit_code
-from replay.scoring import METRICS
+from replay.scoring.scorer import METRICS
 
 ROOT = Path(__file__).resolve().parents[3]
 SAMPLES = ROOT / "sample_logs"

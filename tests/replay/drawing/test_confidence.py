@@ -61,7 +61,7 @@ def test_the_prior_is_scaled_towards_one_half_where_it_is_asked_for() -> None:
 
 def test_such_a_result_is_neither_tuned_nor_scored_again(tmp_path: Path) -> None:
     from formats.results.file import read_result
-    from replay.rescoring import options_of
+    from replay.archive.rescoring import options_of
     from replay.tuning.reading import ground_of
 
     result = run(

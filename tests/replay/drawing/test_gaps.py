@@ -11,7 +11,7 @@ import pytest
 from replay.drawing import Door, extract
 from replay.drawing.gaps import find_gaps, patch
 from replay.drawing.openings import gap_doors
-from replay.example_plans import Plan, symbol
+from replay.reproduction.example_plans import Plan, symbol
 
 WIDTH = 90.0
 

@@ -18,7 +18,7 @@ from replay.drawing.triangles import (
     connectivity_check,
     doors_of,
 )
-from replay.plan_scores import score_doors, score_walls
+from replay.planning.scores import score_doors, score_walls
 from tests.drawings import Sheet, flat
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from replay.drawing import extract
-from replay.plan_scores import score_doors, score_hinges, score_walls
+from replay.planning.scores import score_doors, score_hinges, score_walls
 from tests.drawings import DOOR, Sheet, flat
 
 

@@ -7,8 +7,8 @@ from replay.drawing import extract
 from replay.drawing.georgiou import bounds, shortlist
 from replay.drawing.ink import binarise
 from replay.drawing.shapes import Door
-from replay.example_plans import SYMBOLS, plan, symbol
-from replay.plan_scores import score_doors, score_walls
+from replay.planning.scores import score_doors, score_walls
+from replay.reproduction.example_plans import SYMBOLS, plan, symbol
 from scripts.score_symbols import share
 
 WIDTH = 60.0

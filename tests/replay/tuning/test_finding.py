@@ -18,7 +18,7 @@ from formats.plans.prior_values import read_prior_values
 from formats.result import Result
 from formats.results.file import read_result
 from replay import run, tune
-from replay.example_plans import PX_PER_M, plan
+from replay.reproduction.example_plans import PX_PER_M, plan
 from replay.tuning.reading import ground_of, values_of
 from replay.tuning.surfaces import Tables
 from tests.tuning_worlds import UPDATES

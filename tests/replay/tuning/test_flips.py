@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from formats.grid import Update
-from replay.sensor import MODELS
+from replay.sensors.observer import MODELS
 from replay.tuning.cases import Case, Cells
 from replay.tuning.flips import last_empty
 from replay.tuning.surfaces import Tables, Values, grid

@@ -12,7 +12,7 @@ from pymoo.core.problem import Problem
 
 from formats.errors import FormatError, UsageError
 from formats.grid import Update
-from replay.example_plans import PX_PER_M, plan
+from replay.reproduction.example_plans import PX_PER_M, plan
 from replay.tuning import checkpoint
 from replay.tuning.choosing import searched
 from replay.tuning.front import exact_front, hypervolume
