@@ -56,15 +56,18 @@ def sectors(scan: Scan, shape: str, widest: float = 0.05, join: float = 0.1) -> 
         width = min(float(scan.widths[i]), 2 * pi)
         parts = int(np.ceil(width / widest))
         start, step = float(scan.bearings[i]) - width / 2, width / parts
-        for k in range(parts):
-            found.append((start + k * step, start + (k + 1) * step, i, i))
+        cut = [(start + k * step, start + (k + 1) * step, i, i) for k in range(parts)]
         if ends and abs(start - ends[-1][0]) <= join * min(width, ends[-1][1]):
-            found[-parts] = (ends[-1][0], *found[-parts][1:])
+            cut = [part for part in cut if part[1] > ends[-1][0]]  # others lie in the overlap
+            cut[0] = (ends[-1][0], *cut[0][1:])
+        found += cut
         ends.append((start + parts * step, width))
     if len(found) > 1:
         width, (last, other) = min(float(scan.widths[beams[0]]), 2 * pi), ends[-1]
         start = float(scan.bearings[beams[0]]) - width / 2
         if abs(start + 2 * pi - last) <= join * min(width, other):
+            while found[0][1] <= last - 2 * pi:
+                del found[0]
             found[0] = (last - 2 * pi, *found[0][1:])
     return found
 

@@ -54,34 +54,52 @@ def usable(bearings: Floats, widths: Floats, order: Ints) -> tuple[int, int, boo
 
 
 @njit
+def ends(bearing: float, width: float) -> tuple[float, float, float]:
+    """Width of a beam, a full circle at most, and where its first part begins and its last ends."""
+    w = min(width, 2.0 * pi)
+    parts = ceil(w / WIDEST)
+    start = bearing - 0.5 * w
+    return w, start, start + parts * (w / parts)
+
+
+@njit
 def borders(
     bearings: Floats, widths: Floats, order: Ints, corners: Floats, links: Ints, centres: Floats
-) -> None:
-    """Sectors of the beams' widths; the arguments as in Fan, the last three written."""
-    k, last, wide = 0, inf, 0.0
-    for i in range(order.size):
+) -> int:
+    """Sectors of the beams' widths, and how many; the arguments as in Fan, the last three written.
+
+    Parts of a beam that lie whole in the overlap with the one before are left to that one.
+    """
+    n, k, last, wide, circle = order.size, 0, inf, 0.0, False
+    if n > 0:
+        w, start, _ = ends(bearings[order[0]], widths[order[0]])
+        wide, _, last = ends(bearings[order[n - 1]], widths[order[n - 1]])
+        circle = abs(start + 2.0 * pi - last) <= JOIN * min(w, wide)
+        last -= 2.0 * pi
+    for i in range(n):
         b, w = bearings[order[i]], min(widths[order[i]], 2.0 * pi)
         c, s = cos(b), sin(b)
         centres[0, i], centres[1, i] = c, s
         parts = ceil(w / WIDEST)
         step, start = w / parts, b - 0.5 * w
-        joined = abs(start - last) <= JOIN * min(w, wide)
+        joined = circle if i == 0 else abs(start - last) <= JOIN * min(w, wide)
         for part in range(parts):
-            if part == 0 and not joined:
+            end = start + (part + 1) * step
+            if joined and end <= last:
+                continue
+            if k == 0 or (part == 0 and not joined):
                 corners[0, k], corners[1, k] = cos(start), sin(start)
             else:
                 corners[0, k], corners[1, k] = corners[2, k - 1], corners[3, k - 1]
-            end = start + (part + 1) * step
             corners[2, k], corners[3, k] = cos(end), sin(end)
             links[0, k] = links[1, k] = order[i]
-            links[2, k] = 1 if part > 0 or joined else 0
+            links[2, k] = 1 if k > 0 and (part > 0 or joined) else 0
             k += 1
         last, wide = start + parts * step, w
-    if k > 1:
-        b, w = bearings[order[0]], min(widths[order[0]], 2.0 * pi)
-        if abs(b - 0.5 * w + 2.0 * pi - last) <= JOIN * min(w, wide):  # a full circle
-            corners[0, 0], corners[1, 0] = corners[2, k - 1], corners[3, k - 1]
-            links[2, 0] = 1
+    if k > 1 and circle:
+        corners[0, 0], corners[1, 0] = corners[2, k - 1], corners[3, k - 1]
+        links[2, 0] = 1
+    return k
 
 
 def triangles(bearings: Floats, widths: Floats, order: Ints) -> Fan:
@@ -115,5 +133,8 @@ def fan(bearings: Floats, widths: Floats, shape: Shape = "sectors") -> Fan:
     if shape == "polygon":
         return triangles(bearings, widths, order)
     found = Fan(np.empty((4, parts)), np.empty((3, parts), np.int32), np.empty((2, n)), order)
-    borders(bearings, widths, order, found.corners, found.links, found.centres)
+    k = borders(bearings, widths, order, found.corners, found.links, found.centres)
+    if k < parts:
+        corners = np.ascontiguousarray(found.corners[:, :k])
+        return found._replace(corners=corners, links=np.ascontiguousarray(found.links[:, :k]))
     return found

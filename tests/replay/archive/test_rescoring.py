@@ -17,8 +17,8 @@ from replay import run
 from replay.archive.rescoring import at_the_end, cell_by_cell, through_time
 from tests.faults_world import drive, write_plan
 
-GOLDEN = Path(__file__).resolve().parents[1] / "golden"
-SAMPLES = Path(__file__).resolve().parents[2] / "sample_logs"
+GOLDEN = Path(__file__).resolve().parents[2] / "golden"
+SAMPLES = Path(__file__).resolve().parents[3] / "sample_logs"
 # The room of tests/faults_world.py at p_wall 0.3, p_space 0.6 and 0.9 / 0.2.
 OTHERWISE = {
     "none": [[157, 0, 5, 1519], [0, 0, 198, 57]],

@@ -16,7 +16,7 @@ from replay.planning.extracting import DOOR, read_drawing
 from replay.planning.pictures import LAYERS, WALLS, overlay
 from scripts.flat import DOORS, LEFT, LOW
 
-SAMPLES = Path(__file__).resolve().parents[2] / "sample_logs"
+SAMPLES = Path(__file__).resolve().parents[3] / "sample_logs"
 DRAWING = SAMPLES / "drawing.png"
 
 

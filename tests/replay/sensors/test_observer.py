@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from formats.frame import Floats, Pose, Scan
 from formats.grid import Evidence, Geometry
+from replay.sensors import fan as fans
 from replay.sensors.models import bell, printed
 from replay.sensors.observer import MODELS, Model, Observer
 from replay.sensors.polar import observer
@@ -216,6 +217,19 @@ options = st.fixed_dictionaries(
         "shape": st.sampled_from(["sectors", "polygon"]),
     }
 )
+
+
+@pytest.mark.parametrize("bearings", [[4.0, 1.625], [4.0 + 3 * pi, 1.625 + 3 * pi]])
+def test_wide_beams_that_overlap_by_more_than_a_part(bearings: list[float]) -> None:
+    # 2.5 and 2.75 rad wide, over each other by 0.25, while parts are 0.05 wide
+    g, widths = Geometry(1, 1, 0.1, 0.0, 0.1), np.array([2.5, 2.75])
+    scan = Scan(np.array(bearings), widths, np.array([1.0, 0.0]), 0.1, 5.0)
+    agree("eq15", g, Pose(1.0, 0.0, 4.0 - bearings[0]), scan, samples=3)
+    found = fans.fan(np.array(bearings), widths)
+    a, b = (np.arctan2(*found.corners[k : k + 2][::-1]) for k in (0, 2))
+    turned = (b - a) % (2 * pi)
+    assert turned.max() < 0.06
+    assert turned.sum() == pytest.approx(2.5 + 2.75 - 0.25)
 
 
 @pytest.mark.parametrize("name", ["beam", "eq15", "eq15-literal"])
