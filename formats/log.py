@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
+from formats.errors import printable
+
 
 @dataclass(frozen=True, slots=True)
 class Topic:
@@ -92,3 +94,19 @@ class Log(Protocol):
     def close(self) -> None:
         """Give back files, maps and temporary copies."""
         ...
+
+
+def listing(topics: list[Topic]) -> str:
+    """Topics with their types and counts, for an error's line."""
+    return ", ".join(
+        f"{printable(t.name)} ({t.type.rsplit('/', 1)[-1]}"
+        f"{'' if t.count is None else f' x{t.count}'})"
+        for t in topics
+    )
+
+
+def named(topics: list[Topic], name: str) -> list[Topic]:
+    """The topics of a name, with or without the leading slash."""
+    return [t for t in topics if t.name == name] or [
+        t for t in topics if t.name.lstrip("/") == name.lstrip("/")
+    ]

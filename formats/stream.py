@@ -24,7 +24,6 @@ from formats.frame import Frame, Pose
 from formats.log import Log, Topic
 from formats.opening import READERS, open_log
 from formats.sensing.echo import ECHOES, Echo
-from formats.sensing.ring import ringed
 from formats.sensing.scans import SENSORS
 from formats.sensing.sensor import Look
 from formats.streaming.candidates import pose_topics, scan_topics
@@ -33,6 +32,7 @@ from formats.streaming.clock import SECOND, Clock, Times
 from formats.streaming.drive import Drive
 from formats.streaming.explaining import tell_choice, tell_frame, tell_missing, tell_odometry
 from formats.streaming.gathering import Gathered, ScanTimes, gather
+from formats.streaming.ring import ringed
 from formats.streaming.robots import of_others
 from formats.streaming.sifting import plausible_sweeps, sift, tell_aim, tell_attitude, tell_clock
 from formats.streaming.track import MAX_GAP_NS

@@ -14,7 +14,7 @@ from formats.carmen.lines import LIMIT, Line, Malformed, Place, parse
 from formats.frame import Pose
 from formats.log import Topic
 from formats.messages import LaserScan, Numbers, PoseMessage, Transform, Transforms
-from formats.ros.wire import Undecodable
+from formats.payload import Undecodable
 
 SCAN = "sensor_msgs/msg/LaserScan"
 TF = "tf2_msgs/msg/TFMessage"
@@ -45,10 +45,7 @@ def seven(pose: Pose | Place) -> Numbers:
 def decoder(topic: Topic) -> Callable[[Payload], Any]:
     """The function that reads a topic's lines; it raises Undecodable."""
     says = json.loads(topic.definition)
-    return partial(READ[topic.type], says)
-
-
-DECODED = (SCAN, TF, ODOMETRY, POSE)
+    return partial(DECODERS[topic.type], says)
 
 
 def _line(data: Payload) -> Line:
@@ -86,7 +83,7 @@ def _pose(says: dict[str, Any], data: Payload) -> PoseMessage:
     return PoseMessage(to_ns(line.stamp), says["frame"], BASE, seven(line.robot))
 
 
-READ: dict[str, Callable[[dict[str, Any], Payload], Any]] = {
+DECODERS: dict[str, Callable[[dict[str, Any], Payload], Any]] = {
     SCAN: _scan,
     TF: _transforms,
     ODOMETRY: _pose,

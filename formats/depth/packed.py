@@ -16,7 +16,7 @@ import numpy.typing as npt
 from formats.depth.png import check_png, png_pixels
 from formats.depth.rvl import check_rvl, rvl_pixels
 from formats.messages import CompressedImage, Image
-from formats.ros.wire import Undecodable
+from formats.payload import Undecodable
 
 
 def depth_image(message: CompressedImage) -> Image:

@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from formats.errors import printable
 from formats.messages import CompressedImage
-from formats.plans.picture_header import Header, PictureError, read_png
-from formats.ros.wire import Undecodable
+from formats.payload import Undecodable
+from formats.picture_header import Header, PictureError, read_png
 
 MAGIC = b"\x89PNG\r\n\x1a\n"
 MOST_PIXELS = 1 << 25

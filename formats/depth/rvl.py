@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from formats.jit import njit
 from formats.messages import CompressedImage
-from formats.ros.wire import Undecodable
+from formats.payload import Undecodable
 
 HEAD, SIZES = 12, struct.Struct("<II")
 MOST_PIXELS = 1 << 25

@@ -6,9 +6,9 @@ Schemas: github.com/foxglove/foxglove-sdk, schemas/proto and schemas/jsonschema.
 from __future__ import annotations
 
 import binascii
-import json
 from base64 import b64decode
 from collections.abc import Callable
+from functools import partial
 from math import atan2, inf
 from typing import Any
 
@@ -28,12 +28,11 @@ from formats.messages import (
     Transform,
     Transforms,
 )
+from formats.payload import SECOND, OddStamp, Payload, Undecodable, from_json
 from formats.ros.clouds import points
-from formats.ros.wire import SECOND, OddStamp, Payload, Undecodable
 
 Values = dict[str, Any]
 Noun = LaserScan | PoseMessage | Transforms | Cloud | Image | CompressedImage | CameraInfo
-LONGEST_JSON = 1 << 26  # bytes: as Python objects it is many times as large
 STILL: Numbers = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 # PackedElementField's numeric types, as those of a sensor_msgs/PointField.
 POINT_FIELDS = {1: 2, 2: 1, 3: 4, 4: 3, 5: 6, 6: 5, 7: 7, 8: 8}
@@ -221,17 +220,9 @@ DECODERS: dict[str, Callable[[Values], Noun]] = {
 }
 
 
-def from_json(data: Payload) -> Values:
-    """The object in a JSON payload."""
-    if len(data) > LONGEST_JSON:
-        raise Undecodable("implausibly long JSON", f"{len(data)} bytes")
-    try:
-        found = json.loads(bytes(data))
-    except (ValueError, RecursionError) as error:
-        raise Undecodable("not JSON", str(error)[:80]) from None
-    if not isinstance(found, dict):
-        raise Undecodable("not of its schema", f"a JSON {type(found).__name__}")
-    return found
+def decoder(topic: Topic) -> Callable[[Payload], Noun]:
+    """What reads a topic's payloads; see `decode`."""
+    return partial(decode, topic)
 
 
 def decode(topic: Topic, data: Payload) -> Noun:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from formats.ros.wire import MOST_ITEMS, Payload, Undecodable, cut, plain_text
+from formats.payload import MOST_ITEMS, Payload, Undecodable, cut, plain_text
 
 # Field number -> (name, kind). Kinds: "double", "doubles", "text", "bytes", "int", "fixed32",
 # a schema, or a list of one schema where the field repeats.

@@ -21,10 +21,10 @@ from typing import Any
 import numpy as np
 
 from formats.errors import FormatError, Notes, printable
+from formats.picture_header import PictureError
 from formats.plans.ink import drawn
 from formats.plans.map_yaml import MapYaml
 from formats.plans.paper import Asked, Opened, Sheet
-from formats.plans.picture_header import PictureError
 
 SECONDS = 120
 MEMORY = 6 << 30  # bytes of address space, a good part of which is never touched

@@ -31,8 +31,8 @@ from ezdxf.addons.drawing.properties import RenderContext
 from ezdxf.lldxf.const import DXFError
 
 from formats.errors import printable
+from formats.picture_header import INCH, MAX_PIXELS, PictureError
 from formats.plans.paper import Asked, Sheet
-from formats.plans.picture_header import INCH, MAX_PIXELS, PictureError
 
 PIXEL = 0.01  # m
 COARSEST = 0.25  # m: a wall is no longer seen

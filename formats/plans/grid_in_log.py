@@ -82,8 +82,8 @@ def plan_of_log(
 
 
 def _topic(log: Log, name: str) -> Topic:
-    from formats.streaming.candidates import listing, named
-    from formats.streaming.gathering import decoder_of
+    from formats.decoding import decoder_of
+    from formats.log import listing, named
 
     topics = log.topics()
     maps = [topic for topic in topics if topic.type == GRID and decoder_of(topic) is not None]
@@ -100,8 +100,8 @@ def decoded(path: Path, topic: Topic, data: bytes, count: int) -> OccupancyGrid:
     Raises:
         FormatError: there is none, or it cannot be read or used.
     """
-    from formats.ros.decoders import Undecodable
-    from formats.streaming.gathering import decoder_of
+    from formats.decoding import decoder_of
+    from formats.payload import Undecodable
 
     if not count:
         raise FormatError(path, "no map was recorded", topic=topic.name)

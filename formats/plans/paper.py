@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from formats.errors import UsageError
+from formats.picture_header import INCH, MAX_PIXELS, PictureError
 from formats.plans.ink import Picture
-from formats.plans.picture_header import INCH, MAX_PIXELS, PictureError
 from formats.plans.raster import Grey
 
 DPI = 200.0  # of a page, where nothing says another

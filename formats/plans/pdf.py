@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from formats.picture_header import INCH, PictureError
 from formats.plans.paper import Asked, Sheet, page_dpi, scales_in
-from formats.plans.picture_header import INCH, PictureError
 
 POINTS = 72  # an inch
 WRONG_PASSWORD = 4  # FPDF_ERR_PASSWORD

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from formats.errors import FormatError, Notes, printable
 from formats.errors import Path as AnyPath
-from formats.plans.picture_header import (
+from formats.picture_header import (
     Header,
     PictureError,
     cut,

@@ -8,8 +8,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from formats.picture_header import INCH, PictureError
 from formats.plans.paper import Asked, Sheet, page_dpi, scales_in
-from formats.plans.picture_header import INCH, PictureError
 
 LARGEST = 100 << 20  # bytes of text
 MOST_PIXELS = 100_000_000  # resvg holds four bytes of each, more than once

@@ -14,12 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from formats.foxglove.decoders import from_json
 from formats.log import Topic
+from formats.payload import Payload, Undecodable, from_json
 from formats.ros.decoders import DECODERS, ROS1, Noun
 from formats.ros.recorded import CODES, short
 from formats.ros.standard import NEEDLESS, STANDARD
-from formats.ros.wire import Payload, Undecodable
 
 NAMES = {name.rpartition("/")[2]: name for name in STANDARD}
 U32 = struct.Struct("<I")
@@ -30,7 +29,7 @@ def decoder(topic: Topic) -> Callable[[Payload], Noun]:
     """What reads a topic's payloads; it raises Undecodable.
 
     Args:
-        topic: of a type in ros.DECODERS, encoded as "json".
+        topic: of a type in DECODERS, encoded as "json".
     """
     name, read = short(topic.type), DECODERS[topic.type]
 

@@ -6,7 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from formats.messages import Cloud
-from formats.ros.wire import Body, Payload, Undecodable, Wire
+from formats.payload import Payload, Undecodable
+from formats.ros.wire import Body, Wire
 
 FIELD_KINDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 

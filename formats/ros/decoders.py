@@ -21,13 +21,12 @@ from formats.messages import (
     Transform,
     Transforms,
 )
+from formats.payload import Payload, Undecodable
 from formats.ros.clouds import point_cloud, point_cloud2
 from formats.ros.pictures import camera_info, compressed_image, image
 from formats.ros.recorded import translator
 from formats.ros.repeats import LEARNERS, repeating
-from formats.ros.wire import Body, Payload, Undecodable, Wire, odd_stamp
-
-__all__ = ["DECODERS", "Undecodable", "decode", "decoder", "odd_stamp"]
+from formats.ros.wire import Body, Wire
 
 Noun = (
     LaserScan

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from formats.messages import CameraInfo, CompressedImage, Image
-from formats.ros.wire import Body, Payload, Undecodable, Wire
+from formats.payload import Payload, Undecodable
+from formats.ros.wire import Body, Wire
 
 
 def image(wire: Wire, data: Payload) -> Image:

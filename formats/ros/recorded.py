@@ -16,9 +16,10 @@ import numpy as np
 
 from formats.errors import printable
 from formats.log import Topic
+from formats.payload import MOST_ITEMS, Payload, Undecodable
 from formats.ros.idl import idl_fields
 from formats.ros.standard import NEEDLESS, STANDARD, Fields
-from formats.ros.wire import MOST_ITEMS, Body, Payload, Undecodable, Wire
+from formats.ros.wire import Body, Wire
 
 LONGEST = 1 << 18  # bytes of a definition
 DEEPEST = 16  # types within types

@@ -14,7 +14,8 @@ from typing import Any, cast
 import numpy as np
 
 from formats.messages import Image, LaserScan, PoseMessage, Transform, Transforms
-from formats.ros.wire import SECOND, Body, Payload, Wire
+from formats.payload import SECOND, Payload
+from formats.ros.wire import Body, Wire
 
 Read = Callable[[Payload], Any]
 MOST = 256  # layouts of a topic

@@ -9,52 +9,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-Payload = bytes | memoryview
-SECOND = 1_000_000_000
-MOST_ITEMS = 1 << 18  # of structures: each costs far more memory than its bytes on the wire
-IMPLAUSIBLE = 1 << 28  # bytes: a length beyond this is a wrong number, not a missing rest
+from formats.payload import MOST_ITEMS, SECOND, OddStamp, Payload, Undecodable, cut, plain_text
+
 SIZES = {"b": 1, "B": 1, "h": 2, "H": 2, "i": 4, "I": 4, "f": 4, "q": 8, "Q": 8, "d": 8}
-
-
-class Undecodable(Exception):  # noqa: N818  (what the payload is)
-    """A payload that cannot be read: it costs this one message.
-
-    Args:
-        reason: the same words for the same fault, to count by.
-        detail: the figures of this message.
-    """
-
-    def __init__(self, reason: str, detail: str = "") -> None:
-        super().__init__(f"{reason} ({detail})" if detail else reason)
-        self.reason = reason
-
-
-class OddStamp(int):
-    """A stamp in ns whose nanoseconds were a second or more; they are carried."""
-
-
-def odd_stamp(stamp_ns: int) -> str:
-    """What is odd about a decoded stamp, "" where nothing is. 2038 and later are not odd."""
-    if stamp_ns < 0:
-        return "stamp before 1970"
-    return "nanoseconds of a second or more, carried" if type(stamp_ns) is OddStamp else ""
-
-
-def plain_text(raw: bytes) -> str:
-    """Text of a file, whatever its bytes are; two texts are equal only where their bytes are."""
-    return raw.decode("utf-8", "backslashreplace")
 
 
 def ended_text(raw: bytes) -> str:
     """CDR text, whose last byte is a NUL."""
     return plain_text(raw[:-1] if raw[-1:] == b"\0" else raw)
-
-
-def cut(size: int, needed: int, what: str) -> Undecodable:
-    """Why `needed` bytes are not there: the rest is missing, or a length is not one."""
-    if needed > IMPLAUSIBLE:
-        return Undecodable(f"impossible number of {what}", f"{needed} of {size} bytes")
-    return Undecodable("cut short", f"after {size} of {needed} bytes")
 
 
 class Wire:

@@ -4,29 +4,14 @@ from __future__ import annotations
 
 import re
 
-from formats.depth.topics import depth_topics
+from formats.decoding import decoder_of
 from formats.errors import FormatError, UsageError, printable
-from formats.log import Log, Topic
+from formats.log import Log, Topic, listing, named
 from formats.sensing.scans import SENSORS
-from formats.streaming.gathering import POSE_TYPES, decoder_of
+from formats.streaming.depth_topics import depth_topics
+from formats.streaming.gathering import POSE_TYPES
 
 FEW = 0.1  # a topic with less than this share of another's messages is not its peer
-
-
-def listing(topics: list[Topic]) -> str:
-    """Topics with their types and counts, for an error's line."""
-    return ", ".join(
-        f"{printable(t.name)} ({t.type.rsplit('/', 1)[-1]}"
-        f"{'' if t.count is None else f' x{t.count}'})"
-        for t in topics
-    )
-
-
-def named(topics: list[Topic], name: str) -> list[Topic]:
-    """The topics of a name, with or without the leading slash."""
-    return [t for t in topics if t.name == name] or [
-        t for t in topics if t.name.lstrip("/") == name.lstrip("/")
-    ]
 
 
 def scan_topics(log: Log, wish: str = "") -> list[Topic]:

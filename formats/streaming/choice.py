@@ -9,9 +9,9 @@ import numpy as np
 
 from formats.errors import FormatError, UsageError, printable
 from formats.frame import Pose
-from formats.log import Topic
+from formats.log import Topic, listing
 from formats.sensing.scans import SENSORS
-from formats.streaming.candidates import listing, peers
+from formats.streaming.candidates import peers
 from formats.streaming.clock import Clock
 from formats.streaming.gathering import POSE_TYPES, TF_TYPES, Gathered, ScanTimes
 from formats.streaming.poses import KINDS, Source, base_of, fixed_frames, kind_of, odom_frames

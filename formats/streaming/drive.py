@@ -10,7 +10,7 @@ import numpy as np
 from formats.errors import Notes, UsageError
 from formats.frame import Frame, Pose
 from formats.log import Log
-from formats.ros.decoders import Undecodable
+from formats.payload import Undecodable
 from formats.sensing.scans import SENSORS
 from formats.sensing.sensor import LOOK, Look, Motion, View
 from formats.streaming.choice import Choice

@@ -5,17 +5,17 @@ from __future__ import annotations
 from array import array
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
-from functools import partial
 from math import inf, isfinite
 from typing import Any
 
 import numpy as np
 
+from formats.decoding import decoder_of
 from formats.depth.cameras import Camera
 from formats.errors import Notes
 from formats.log import Log, Topic
 from formats.messages import PoseMessage, Transforms
-from formats.ros.decoders import DECODERS, Undecodable, decoder, odd_stamp
+from formats.payload import Undecodable, odd_stamp
 from formats.sensing.scans import SENSORS
 from formats.streaming.clock import SECOND, Clock, Times
 from formats.streaming.frame_names import is_known
@@ -37,26 +37,6 @@ POSE_TYPES = (
 )
 LAST_NS = (1 << 63) - 1  # log times are unsigned 64-bit in MCAP
 MANY = 1_000_000  # samples of transforms, beyond which those that lead nowhere are dropped
-
-
-def decoder_of(topic: Topic) -> Callable[[bytes | memoryview], Any] | None:
-    """What reads the payloads of a topic, None where nothing does."""
-    if topic.encoding in ("ros1", "cdr") and topic.type in DECODERS:
-        return decoder(topic)
-    if topic.encoding in ("protobuf", "json"):
-        from formats.foxglove import decoders as foxglove
-
-        if topic.type in foxglove.DECODERS:
-            return partial(foxglove.decode, topic)
-    if topic.encoding == "json" and topic.type in DECODERS:
-        from formats.ros import as_json as ros_json
-
-        return ros_json.decoder(topic)
-    if topic.encoding == "carmen":
-        from formats.carmen import nouns as carmen_nouns
-
-        return carmen_nouns.decoder(topic)
-    return None
 
 
 def place_in(table: list[str], word: str) -> int:

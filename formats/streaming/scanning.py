@@ -7,17 +7,17 @@ from typing import Any
 
 import numpy as np
 
+from formats.decoding import decoder_of
 from formats.depth.packed import depth_image
 from formats.depth.scans import camera_remarks, moved
 from formats.frame import Scan
 from formats.log import Topic
 from formats.messages import CompressedImage
+from formats.payload import Payload
 from formats.ros.decoders import is_usual, wire_of
 from formats.ros.repeats import MOST, scan_layout
-from formats.ros.wire import Payload
 from formats.sensing.scans import FLOAT32, LEVEL, SENSORS
 from formats.sensing.sensor import LOOK, Floats, Look, Motion, View
-from formats.streaming.gathering import decoder_of
 
 Scanner = Callable[[Payload, Floats, Motion | View | None], Scan]
 LEVELLED = np.eye(4)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from formats.errors import FormatError, Notes, Path
 from formats.messages import Numbers, Transform
-from formats.ros.decoders import odd_stamp
+from formats.payload import odd_stamp
 from formats.streaming.clock import Clock, Times
 from formats.streaming.track import (
     MAX_GAP_NS,

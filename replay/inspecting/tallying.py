@@ -8,12 +8,12 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
+from formats.decoding import decoder_of
 from formats.errors import printable
 from formats.log import Container, Log, Message, Topic
 from formats.messages import Transforms
-from formats.ros.decoders import Undecodable
+from formats.payload import Undecodable
 from formats.streaming.clock import SECOND
-from formats.streaming.gathering import decoder_of
 from formats.streaming.tf import plain
 
 MOST_EDGES = 1000  # pairs of frames that are told of one topic; damaged names are endless

@@ -11,7 +11,7 @@ import pytest
 
 from formats.depth.packed import depth_image
 from formats.messages import CompressedImage
-from formats.ros.decoders import Undecodable
+from formats.payload import Undecodable
 
 MM = np.array([[0, 1, 255, 256], [1000, 4095, 65534, 65535]], dtype=np.uint16)
 

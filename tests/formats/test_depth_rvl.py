@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import arrays
 
 from formats.depth.packed import check_packed, depth_image
 from formats.messages import CompressedImage
-from formats.ros.decoders import Undecodable
+from formats.payload import Undecodable
 
 HEAD = struct.pack("<iff", 0, 10.0, -2.0)
 

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from formats.decoding import decoder_of
 from formats.foxglove import decoders as foxglove
 from formats.log import Topic
 from formats.messages import (
@@ -22,9 +23,8 @@ from formats.messages import (
     Transform,
     Transforms,
 )
+from formats.payload import Undecodable, odd_stamp
 from formats.ros import decoders as ros
-from formats.ros.decoders import Undecodable, odd_stamp
-from formats.streaming.gathering import decoder_of
 from tests.foxglove_messages import CASES, JSON_POSE, field, number
 
 

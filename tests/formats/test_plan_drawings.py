@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from formats.errors import FormatError, Notes, UsageError
+from formats.picture_header import PictureError
 from formats.plans import apart
 from formats.plans.file import Plan, open_plan
 from formats.plans.paper import Asked, page_dpi, scales_in
-from formats.plans.picture_header import PictureError
 from tests import pictures
 from tests.drawing_files import binary_dxf, dxf, new_dxf, pdf, svg
 

@@ -15,7 +15,7 @@ import numpy.typing as npt
 import pytest
 
 from formats.errors import FormatError, Notes
-from formats.plans.picture_header import (
+from formats.picture_header import (
     MAX_PIXELS,
     Header,
     PictureError,

@@ -12,8 +12,8 @@ import pytest
 from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Pose
 from formats.log import Topic
-from formats.sensing.ring import shared
 from formats.stream import frames, survey
+from formats.streaming.ring import shared
 from formats.streaming.robots import strangers
 from replay.cli.info_text import info_report
 from replay.inspecting.contents import inspect

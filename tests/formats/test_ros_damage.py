@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from formats.log import Topic
 from formats.messages import LaserScan
-from formats.ros.decoders import DECODERS, Undecodable, decode, decoder, odd_stamp
+from formats.payload import Undecodable, odd_stamp
+from formats.ros.decoders import DECODERS, decode, decoder
 from tests.ros_messages import (
     ENCODINGS,
     HUMBLE,

@@ -19,9 +19,10 @@ from mcap.writer import Writer
 from formats.errors import Notes
 from formats.log import Topic
 from formats.messages import LaserScan
+from formats.payload import Undecodable
 from formats.ros import decoders as ros
 from formats.ros.as_json import decoder
-from formats.ros.decoders import DECODERS, Undecodable
+from formats.ros.decoders import DECODERS
 from formats.stream import frames
 from tests.drives import drive
 from tests.ros_logs import build, store

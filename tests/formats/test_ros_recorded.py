@@ -15,7 +15,8 @@ from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_
 
 from formats.log import Topic
 from formats.messages import LaserScan, RangeReading
-from formats.ros.decoders import DECODERS, Undecodable, decode
+from formats.payload import Undecodable
+from formats.ros.decoders import DECODERS, decode
 from formats.ros.idl import idl_fields
 from formats.ros.recorded import translator
 from formats.ros.standard import STANDARD

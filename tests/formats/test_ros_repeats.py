@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 
 from formats.log import Topic
 from formats.messages import LaserScan
-from formats.ros.decoders import DECODERS, Undecodable, decoder
+from formats.payload import Payload, Undecodable
+from formats.ros.decoders import DECODERS, decoder
 from formats.ros.repeats import LEARNERS, MOST
-from formats.ros.wire import Body, Payload
+from formats.ros.wire import Body
 from tests.ros_messages import ENCODINGS, LASER, message, plain, scan_message, whole
 
 

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from formats.frame import Pose
 from formats.log import Topic
-from formats.ros.decoders import Undecodable, decoder
+from formats.payload import Undecodable
+from formats.ros.decoders import decoder
 from formats.ros.wire import Body
 from formats.sensing.scans import SENSORS
 from formats.sensing.sensor import Motion

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from formats import log_messages as ros
+from formats.decoding import decoder_of
 from formats.depth.scans import depth_scan
 from formats.frame import Pose
 from formats.log import Topic
-from formats.streaming.gathering import decoder_of
 from replay.simulator.camera import Camera, depths, picture
 from replay.simulator.casting import cast
 from replay.simulator.sensors import QUIET, Noise

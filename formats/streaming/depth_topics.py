@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from formats.decoding import decoder_of
 from formats.depth.scans import ENCODINGS
 from formats.errors import printable
 from formats.log import Log, Topic
 from formats.messages import CompressedImage
-from formats.ros.decoders import Undecodable
+from formats.payload import Undecodable
 from formats.sensing.scans import SENSORS
-from formats.streaming.gathering import decoder_of
 
 
 def depth_topics(log: Log, topics: list[Topic]) -> tuple[list[Topic], str]:
