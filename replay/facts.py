@@ -13,14 +13,22 @@ from formats.stream import Drive
 from replay.options import Options
 from replay.pictures import CURVE_NAMES
 from replay.prior import breaks_e13
+from replay.scoring.course import Course
 from replay.scoring.scorer import METRICS
 from replay.world import World
 
 SHOWN = ("precision", "recall", "f2")
 
 
-def said(world: World, drive: Drive, notes: Notes) -> dict[str, list[str]]:
-    """Topic of the line -> lines: what was chosen and why."""
+def said(
+    world: World, drive: Drive, notes: Notes, poses: str = "", truth: str = ""
+) -> dict[str, list[str]]:
+    """Topic of the line -> lines: what was chosen and why.
+
+    Args:
+        poses: a line on the poses, where a localiser found them.
+        truth: a line on their errors, where they were judged.
+    """
     geometry, frame = world.geometry, drive.choice.map_frame or "map"
     size = f"{geometry.cols} x {geometry.rows} cells of {geometry.resolution:g} m"
     lines = [f"none: no prior; {size}"]
@@ -33,7 +41,9 @@ def said(world: World, drive: Drive, notes: Notes) -> dict[str, list[str]]:
             *(note.problem for note in notes.of("info") if note.path == str(world.plan.path)),
             f"its frame lies at x {x:.3f} m, y {y:.3f} m, yaw {yaw:.4f} rad in {frame}",
         ]
-    return {"plan": lines, "log": [printable(reason, 400) for reason in drive.choice.reasons]}
+    log = [printable(reason, 400) for reason in drive.choice.reasons]
+    more = {"poses": [poses] if poses else [], "truth": [truth] if truth else []}
+    return {"plan": lines, "log": log, **{word: some for word, some in more.items() if some}}
 
 
 def markdown(
@@ -109,17 +119,27 @@ def sensor_of(p_levels: Sequence[float]) -> str:
     return f"{round(1 - p_levels[0], 6):g} / {round(1 - p_levels[-1], 6):g}"
 
 
-def scores(world: World, last: Sequence[int], region: str) -> dict[str, Any]:
+def ended(course: Course, region: str, notes: Notes) -> dict[str, Any]:
+    """The scores after the last frame, and how the run went, as --json has them."""
+    return {
+        **scores(course, region),
+        "scans": len(course),
+        "skipped": notes.total("skipped"),
+        "lost": notes.total("lost"),
+        "log_seconds": course.seconds,
+        "notes": [f"{note.kind}: {note}" for note in notes if note.kind != "info"],
+    }
+
+
+def scores(course: Course, region: str) -> dict[str, Any]:
     """The last frame's counts as --json has them.
 
     Args:
-        last: 8 numbers a curve: observed and unobserved tp, fp, fn, tn.
+        course: of the run.
         region: "observed" scores the observed cells alone.
     """
-    splits = {}
-    for i, name in enumerate(world.curves):
-        row = last[8 * i : 8 * i + 8]
-        splits[name] = Split(Counts(*row[:4]), Counts(*row[4:]))
+    last = course.last()
+    splits = {name: Split(Counts(*row[:4]), Counts(*row[4:])) for name, row in last.items()}
     whole = {n: s.observed if region == "observed" else s.whole for n, s in splits.items()}
     some = next(iter(splits.values()))
     return {

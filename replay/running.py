@@ -2,37 +2,36 @@
 
 from __future__ import annotations
 
-from array import array
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from math import inf
 from os import PathLike
-from os.path import realpath
 from pathlib import Path
-from typing import Any, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
-import numpy as np
-
-from formats.errors import Notes, UsageError
+from formats.errors import Notes
 from formats.frame import Pose
-from formats.output import check_output
-from formats.plans.edits import read_plan_edits
-from formats.plans.file import open_plan
-from formats.plans.prior_values import read_prior_values
+from formats.log import Log
+from formats.plans.plan import Plan
 from formats.result import Result
 from formats.results.file import ResultWriter
-from formats.stream import open_log, survey
+from formats.stream import Drive, open_log, survey
 from replay import facts
+from replay.asking import Asked, ask
 from replay.mapper import Mapper
-from replay.options import GATES, READING, WORLD, Options, among, effective, plan_values
+from replay.options import GATES, READING, WORLD, Options, among
 from replay.pipeline import Clock, steps
-from replay.posing import decide, pose, wish
+from replay.posing import Posed, decide, pose, wish
 from replay.scoring import measuring
+from replay.scoring.course import Course
 from replay.scoring.predictive import Predictor
-from replay.sensors.observer import MODELS
+from replay.sensors.models import MODELS
 from replay.surveying.deviations import deviations
-from replay.world import build_world
+from replay.world import World, build_world
+
+if TYPE_CHECKING:
+    from replay.trajectories.truth import Judged
 
 Source = str | PathLike[str]
 
@@ -90,32 +89,10 @@ def run(
         UsageError: several topics fit, or an option is not possible.
     """
     notes, clock = Notes() if notes is None else notes, Clock()
-    values = read_prior_values(prior_values).options() if prior_values else {}
-    chosen = effective({**values, **options})
     more = measuring.checked(metrics)
-    sources = [Path(logs)] if isinstance(logs, str | PathLike) else [Path(log) for log in logs]
-    if chosen["sensor"] not in MODELS:
-        hint = f"there are {', '.join(MODELS)}"
-        raise UsageError(chosen["sensor"], "no such sensor model", hint=hint)
-    by_hand = chosen["plan_edits"]
-    read = (prior, truth, align, prior_values, by_hand)
-    inputs = [*sources, *(Path(path) for path in read if path)]
-    out = Path(output) if output else Path(f"{stem(sources[0])}.replay.mcap")
-    written = [out, *([Path(rrd)] if rrd else [])]
-    for path in written:
-        check_output(path, force=force, inputs=inputs)
-    if rrd and realpath(rrd) == realpath(out):
-        raise UsageError(rrd, "the recording and the result are one file", hint="name another")
-    edits = read_plan_edits(by_hand) if by_hand else None
-    if edits and not prior:
-        raise UsageError(edits.path, "there is no plan to edit", hint="give --prior PLAN")
-    plan = open_plan(prior, notes, **plan_values(chosen)) if prior else None
-    real = open_plan(truth, notes) if truth else None
-    inputs += [Path(path) for read in (plan, real) if read for path in read.inputs]
-    for path in written:  # a yaml beside the plan is an input, too
-        check_output(path, force=force, inputs=inputs)
-    main = chosen["update"] if prior else "none"
-    viewer = None
+    named: dict[str, Any] = {"truth": truth, "output": output, "rrd": rrd, "force": force}
+    asked = ask(logs, prior, options, notes, align=align, prior_values=prior_values, **named)
+    viewer, chosen = None, asked.chosen
     with ExitStack() as stack:
         if rrd or view or connect:  # before the log, since it starts beside it
             from replay.viewing.aside import Viewer
@@ -126,149 +103,166 @@ def run(
                 connect=connect,
                 budget=viewer_budget,
                 force=force,
-                inputs=inputs,
+                inputs=asked.inputs,
                 notes=notes,
                 say=say,
             )
             stack.enter_context(viewer)
-        log = open_log(sources, notes)
+        log = open_log(asked.logs, notes)
         stack.callback(log.close)
-        before = states(sources)
-        reading = among(chosen, READING)
-        whole = {name: value for name, value in reading.items() if name not in GATES}
-        drive = survey(log, notes, poses=wish(chosen["poses"]), **whole)
-        decision = decide(chosen["poses"], drive, plan, asked=bool(chosen["pose"]))
-        laid = align is not None or chosen["plan_pose"] is not None
-        if plan and not (plan.placed or laid) and wish(chosen["poses"]) == "odometry":
-            plan = replace(plan, placed=True)  # its lower left corner is the map's origin
-        elif plan and (align or not (plan.placed or laid)):
-            from replay.placing import located
-
-            plan, laid = located(plan, sources[0], align, notes, **reading), True
-        clock.lap("reading")
-        posed = pose(decision, drive, plan, notes, chosen, laid=laid, edits=edits)
+        before = states(asked.logs)
+        plan, posed = posed_drive(log, asked, align, notes, clock)
         judged = None
         if truth_poses:
-            from replay.trajectories.truth import judge
-
-            judged = judge(
-                truth_poses,
-                posed.drive,
-                notes,
-                since=posed.found.settled if posed.found else 0,
-                aligned=not (posed.drive.choice.in_map or (plan and posed.found)),
-                delay=chosen["truth_delay"],
-            )
+            judged = against_truth(truth_poses, posed, plan, chosen["truth_delay"], notes)
         drive = posed.drive.gated(**among(chosen, GATES))
         clock.lap("localising")
-        reach = min(drive.limit if drive.limit > 0.0 else inf, chosen["max_range"])
-        world = build_world(
-            plan, real, drive.bounds, reach, notes, plan_edits=edits, **among(chosen, WORLD)
-        )
-        facts.warn(world, chosen, notes)
-        to_map = chosen["plan_pose"] or Pose(0.0, 0.0, 0.0)
-        model = MODELS[chosen["sensor"]]
-        mapper = Mapper(
-            world.geometry,
-            model,
-            max_range=reach,
-            no_return=chosen["no_return"],
-            truth=world.true_levels(model.levels) if model.of_truth else None,
-        )
-        said = facts.said(world, drive, notes)
-        if posed.said:
-            said = {**said, "poses": [posed.said]}
-        if judged:
-            said = {**said, "truth": [judged.line]}
+        world, mapper = begun(asked, plan, drive, notes)
+        said = facts.said(world, drive, notes, posed.said, judged.line if judged else "")
         origin = {"said": said, **facts.origin(world, drive, log), **posed.facts}
         if judged:
             origin["pose_errors"] = judged.facts
         if archive:
             origin["archive"] = dict(archive)
+        to_map = chosen["plan_pose"] or Pose(0.0, 0.0, 0.0)
         writer = ResultWriter(
-            out,
+            asked.out,
             geometry=world.geometry,
             curves=world.curves,
-            main=main,
+            main=asked.main,
             layers=world.kept(),
-            settings={
-                "logs": sources,
-                "prior": prior,
-                "truth": truth,
-                "prior_values": prior_values,
-                **chosen,
-            },
+            settings=asked.settings,
             map_to_plan=world.map_to_plan,
             covariances=posed.covariances(world.map_to_plan.yaw - to_map.yaw),
             attachments={path.name: path.read_bytes() for path in world.files},
             facts=origin,
             force=force,
-            inputs=inputs,
+            inputs=asked.inputs,
         )
         sinks: list[Any] = [stack.enter_context(writer)]
-        title = f"{sources[0].name} over {plan.path.name if plan else 'no plan'}"
+        title = f"{asked.logs[0].name} over {plan.path.name if plan else 'no plan'}"
         if viewer is not None:
             from replay.viewing.making import scene_of_world
 
             text = facts.markdown(title, said)
-            viewer.show(scene_of_world(world, title, text, main, len(drive), drive.bounds))
+            viewer.show(scene_of_world(world, title, text, asked.main, len(drive), drive.bounds))
             sinks.append(viewer)
-        predictor = None
+        predictor, course = None, Course(world.curves)
         if measuring.PREDICTIVE in more:
             predictor = Predictor(world.curves, mapper.observe)
-        times, counts = array("q"), array("q")
         clock.lap("reading")
         frames = drive.frames()
         told: dict[str, Any] = {"clock": clock, "progress": progress, "predictor": predictor}
         for step in steps(frames, len(drive), world, mapper, **told):
             for sink in sinks:
                 sink.write(step)
-            times.append(step.frame.time_ns)
-            for split in step.counts.values():
-                counts.extend((*split.observed, *split.unobserved))
-        for path in sources:
+            course.add(step)
+        for path in asked.logs:
             if states([path]).items() - before.items():
                 notes.warn(path, "changed while it was read: give it again when it is whole")
-        found = {
-            **origin,
-            **facts.scores(world, counts[-8 * len(world.curves) :], region=chosen["region"]),
-            "scans": len(times),
-            "skipped": notes.total("skipped"),
-            "lost": notes.total("lost"),
-            "log_seconds": (times[-1] - times[0]) / 1e9 if times else 0.0,
-            "notes": [f"{note.kind}: {note}" for note in notes if note.kind != "info"],
-        }
-        if world.plan is not None:
-            levels = world.curves["none"].p_levels
-            found["walls"] = deviations(mapper.evidence, world.kept(), levels).facts()
-        grids = {name: curve.of(mapper.evidence) for name, curve in world.curves.items()}
-        scored = world.scored
-        if chosen["region"] == "observed":
-            scored = scored & (mapper.evidence.visits() > 0)
-        if more:
-            foretold = predictor.scores() if predictor else {}
-            found["metrics"] = measuring.measured(more, grids, world.wall, scored, foretold)
-        if intervals:
-            found |= measuring.sureness((*facts.SHOWN, *more), grids, world.wall, scored)
+        result = Result(
+            settings=dict(chosen),
+            times_ns=course.times_ns(),
+            counts=course.counts(),
+            grids={name: curve.of(mapper.evidence) for name, curve in world.curves.items()},
+            facts={**origin, **facts.ended(course, chosen["region"], notes)},
+        )
+        foretold = predictor.scores() if predictor else {}
+        result.facts |= measured(result, world, mapper, more, foretold, intervals=intervals)
         clock.lap("scoring")
-        writer.finish(found)
+        writer.finish(result.facts)
         if viewer is not None:
-            viewer.report(facts.markdown(title, said, found))
+            viewer.report(facts.markdown(title, said, result.facts))
     clock.lap("writing")
-    table = np.array(counts, dtype=np.int64).reshape(len(times), len(world.curves), 2, 4)
-    return Result(
-        settings=dict(chosen),
-        times_ns=np.array(times, dtype=np.int64),
-        counts={name: table[:, i] for i, name in enumerate(world.curves)},
-        grids=grids,
-        facts={
-            **found,
-            "result": str(out),
-            "written": [str(out), *([str(rrd)] if rrd and viewer and viewer.written else [])],
-            "lost": notes.total("lost"),  # a recording, too
-            "seconds": {"whole": sum(clock.seconds.values()), **clock.seconds},
-        },
+    drawn = [str(rrd)] if rrd and viewer and viewer.written else []
+    result.facts |= {
+        "result": str(asked.out),
+        "written": [str(asked.out), *drawn],
+        "lost": notes.total("lost"),  # a recording, too
+        "seconds": {"whole": sum(clock.seconds.values()), **clock.seconds},
+    }
+    return result
+
+
+def posed_drive(
+    log: Log, asked: Asked, align: Source | None, notes: Notes, clock: Clock
+) -> tuple[Plan | None, Posed]:
+    """The log's scans with the poses to map with, and the plan where it lies under them."""
+    plan, chosen = asked.plan, asked.chosen
+    reading = among(chosen, READING)
+    whole = {name: value for name, value in reading.items() if name not in GATES}
+    drive = survey(log, notes, poses=wish(chosen["poses"]), **whole)
+    decision = decide(chosen["poses"], drive, plan, asked=bool(chosen["pose"]))
+    laid = align is not None or chosen["plan_pose"] is not None
+    if plan and not (plan.placed or laid) and wish(chosen["poses"]) == "odometry":
+        plan = replace(plan, placed=True)  # its lower left corner is the map's origin
+    elif plan and (align or not (plan.placed or laid)):
+        from replay.placing import located
+
+        plan, laid = located(plan, asked.logs[0], align, notes, **reading), True
+    clock.lap("reading")
+    return plan, pose(decision, drive, plan, notes, chosen, laid=laid, edits=asked.edits)
+
+
+def against_truth(
+    truth_poses: Source, posed: Posed, plan: Plan | None, delay: float, notes: Notes
+) -> Judged:
+    """The errors of the poses, from when on they were certain."""
+    from replay.trajectories.truth import judge
+
+    return judge(
+        truth_poses,
+        posed.drive,
+        notes,
+        since=posed.found.settled if posed.found else 0,
+        aligned=not (posed.drive.choice.in_map or (plan and posed.found)),
+        delay=delay,
     )
+
+
+def begun(asked: Asked, plan: Plan | None, drive: Drive, notes: Notes) -> tuple[World, Mapper]:
+    """What stands before the first frame, and the mapper with nothing seen."""
+    chosen = asked.chosen
+    reach = min(drive.limit if drive.limit > 0.0 else inf, chosen["max_range"])
+    options = among(chosen, WORLD)
+    world = build_world(
+        plan, asked.truth, drive.bounds, reach, notes, plan_edits=asked.edits, **options
+    )
+    facts.warn(world, chosen, notes)
+    model = MODELS[chosen["sensor"]]
+    mapper = Mapper(
+        world.geometry,
+        model,
+        max_range=reach,
+        no_return=chosen["no_return"],
+        truth=world.true_levels(model.levels) if model.of_truth else None,
+    )
+    return world, mapper
+
+
+def measured(
+    result: Result,
+    world: World,
+    mapper: Mapper,
+    metrics: Iterable[str],
+    foretold: Mapping[str, float],
+    *,
+    intervals: bool,
+) -> dict[str, Any]:
+    """What is measured of the last maps: walls against the plan, and what else was asked for."""
+    found: dict[str, Any] = {}
+    if world.plan is not None:
+        levels = world.curves["none"].p_levels
+        found["walls"] = deviations(mapper.evidence, world.kept(), levels).facts()
+    scored = world.scored
+    if result.settings["region"] == "observed":
+        scored = scored & (mapper.evidence.visits() > 0)
+    if metrics:
+        found["metrics"] = measuring.measured(metrics, result.grids, world.wall, scored, foretold)
+    if intervals:
+        names = (*facts.SHOWN, *metrics)
+        found |= measuring.sureness(names, result.grids, world.wall, scored)
+    return found
 
 
 def states(paths: Sequence[Path]) -> dict[Path, tuple[int, int]]:
@@ -276,9 +270,3 @@ def states(paths: Sequence[Path]) -> dict[Path, tuple[int, int]]:
     files = [file for path in paths for file in (path.iterdir() if path.is_dir() else [path])]
     stats = {file: file.stat() for file in files if file.is_file()}
     return {file: (stat.st_size, stat.st_mtime_ns) for file, stat in stats.items()}
-
-
-def stem(log: Path) -> str:
-    """The name that a log's results go by: without `.mcap`, `.bag.gz` and the like."""
-    name = "stdin" if log == Path("-") else Path(realpath(log)).name
-    return name.split(".")[0] or name
