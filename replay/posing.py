@@ -17,7 +17,7 @@ from formats.stream import PoseWish
 from formats.streaming.drive import Drive
 from formats.streaming.explaining import tell_odometry
 from replay.drawn import PlanMethod, taken_apart
-from replay.localise.localising import LOCALISERS, NEEDS_PLAN, localise
+from replay.localise.localising import LOCALISERS, localise
 from replay.localise.options import DEFAULTS as LOCALISING
 from replay.localise.poses import Poses, Times, compose
 
@@ -88,7 +88,7 @@ def decide(method: str, drive: Drive, plan: Plan | None, *, asked: bool) -> Deci
     Raises:
         UsageError: the method needs a plan, and there is none.
     """
-    if method in NEEDS_PLAN and plan is None:
+    if plan is None and method in LOCALISERS and LOCALISERS[method].needs_plan:
         hint = "give --prior PLAN, or take --poses match"
         raise UsageError(drive.log.path, f"--poses {method} needs a plan to be on", hint=hint)
     if method != "auto":

@@ -208,14 +208,19 @@ def camera_calibration(values: Values) -> CameraInfo:
     return CameraInfo(*head(values), height, width, model, array(values.get("D")), k.reshape(3, 3))
 
 
-DECODERS: dict[str, Callable[[Values], Noun]] = {
-    "foxglove.CameraCalibration": camera_calibration,
-    "foxglove.CompressedImage": compressed_image,
+Decoder = Callable[[Values], Noun]
+POSES: dict[str, Decoder] = {"foxglove.PoseInFrame": pose_in_frame}
+TRANSFORMS: dict[str, Decoder] = {
     "foxglove.FrameTransform": frame_transform,
     "foxglove.FrameTransforms": frame_transforms,
+}
+DECODERS: dict[str, Decoder] = {
+    **POSES,
+    **TRANSFORMS,
+    "foxglove.CameraCalibration": camera_calibration,
+    "foxglove.CompressedImage": compressed_image,
     "foxglove.LaserScan": laser_scan,
     "foxglove.PointCloud": point_cloud,
-    "foxglove.PoseInFrame": pose_in_frame,
     "foxglove.RawImage": raw_image,
 }
 

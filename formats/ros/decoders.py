@@ -147,12 +147,21 @@ def occupancy_grid(wire: Wire, data: Payload) -> OccupancyGrid:
     return OccupancyGrid(stamp, frame, resolution, origin, cells.reshape(height, width))
 
 
-DECODERS: dict[str, Callable[[Wire, Payload], Noun]] = {
+Decoder = Callable[[Wire, Payload], Noun]
+POSES: dict[str, Decoder] = {
     "geometry_msgs/msg/PoseStamped": pose,
     "geometry_msgs/msg/PoseWithCovarianceStamped": pose_with_covariance,
-    "geometry_msgs/msg/TransformStamped": transform_stamped,
-    "nav_msgs/msg/OccupancyGrid": occupancy_grid,
     "nav_msgs/msg/Odometry": odometry,
+}
+TRANSFORMS: dict[str, Decoder] = {
+    "geometry_msgs/msg/TransformStamped": transform_stamped,
+    "tf/msg/tfMessage": transforms,
+    "tf2_msgs/msg/TFMessage": transforms,
+}
+DECODERS: dict[str, Decoder] = {
+    **POSES,
+    **TRANSFORMS,
+    "nav_msgs/msg/OccupancyGrid": occupancy_grid,
     "sensor_msgs/msg/CameraInfo": camera_info,
     "sensor_msgs/msg/CompressedImage": compressed_image,
     "sensor_msgs/msg/Image": image,
@@ -161,9 +170,8 @@ DECODERS: dict[str, Callable[[Wire, Payload], Noun]] = {
     "sensor_msgs/msg/PointCloud": point_cloud,
     "sensor_msgs/msg/PointCloud2": point_cloud2,
     "sensor_msgs/msg/Range": range_reading,
-    "tf/msg/tfMessage": transforms,
-    "tf2_msgs/msg/TFMessage": transforms,
 }
+"""Type -> function; those of poses and transforms apart, since they say where the robot was."""
 ROS1 = Wire("<", 1)
 CDR = {0: Wire(">", 8), 1: Wire("<", 8), 6: Wire(">", 4), 7: Wire("<", 4)}  # by encapsulation
 OTHERS = {2: "PL_CDR", 3: "PL_CDR", 8: "XCDR2", 9: "XCDR2", 10: "PL_CDR2", 11: "PL_CDR2"}

@@ -13,28 +13,19 @@ import numpy as np
 from formats.decoding import decoder_of
 from formats.depth.cameras import Camera
 from formats.errors import Notes
+from formats.foxglove import decoders as foxglove
 from formats.log import Log, Topic
 from formats.messages import PoseMessage, Transforms
 from formats.payload import Undecodable, odd_stamp
+from formats.ros import decoders as ros
 from formats.sensing.scans import SENSORS
 from formats.streaming.clock import SECOND, Clock, Times
 from formats.streaming.frame_names import is_known
 from formats.streaming.tf import Tree, plain
 from formats.streaming.track import Samples, Track
 
-TF_TYPES = (
-    "tf2_msgs/msg/TFMessage",
-    "tf/msg/tfMessage",
-    "geometry_msgs/msg/TransformStamped",
-    "foxglove.FrameTransform",
-    "foxglove.FrameTransforms",
-)
-POSE_TYPES = (
-    "geometry_msgs/msg/PoseStamped",
-    "geometry_msgs/msg/PoseWithCovarianceStamped",
-    "nav_msgs/msg/Odometry",
-    "foxglove.PoseInFrame",
-)
+TF_TYPES = (*ros.TRANSFORMS, *foxglove.TRANSFORMS)
+POSE_TYPES = (*ros.POSES, *foxglove.POSES)
 LAST_NS = (1 << 63) - 1  # log times are unsigned 64-bit in MCAP
 MANY = 1_000_000  # samples of transforms, beyond which those that lead nowhere are dropped
 

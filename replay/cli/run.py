@@ -24,8 +24,6 @@ from replay.cli.values import (
     say,
 )
 
-METHODS = ["auto", "log", "amcl", "match", "fastslam"]
-
 
 @click.command("run")
 @click.argument("logs", nargs=-1, required=True, metavar="LOG...", type=click.Path(path_type=Path))
@@ -64,8 +62,10 @@ METHODS = ["auto", "log", "amcl", "match", "fastslam"]
 @click.option("--pose", metavar="TOPIC", help='Where poses come from: a topic, "tf", "none".')
 @click.option(
     "--poses",
-    type=click.Choice(METHODS),
-    help="The log's, or found on the plan; auto (default) decides and says why.",
+    metavar="NAME",
+    cls=TableOption,
+    table="replay.posing:METHODS",
+    help="The log's, or found on the plan; auto (default) decides and says why:",
 )
 @click.option("--initial-pose", type=PoseType(), help="Where amcl starts; else anywhere.")
 @click.option("--initial-cov", type=CovarianceType(), help="Its variances; 0.25,0.25,0.0685.")

@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import Any
 
 import click
+from click.shell_completion import CompletionItem
 
 from formats.errors import Notes
 from formats.frame import Pose
@@ -77,7 +78,7 @@ class TableOption(click.Option):
     """An option whose values are the names of a table; the help lists them as they are.
 
     Args:
-        table: "module:NAME", imported only when the help is asked for.
+        table: "module:NAME", imported only for the help, and where the shell completes.
     """
 
     def __init__(self, *args: Any, table: str, **options: Any) -> None:
@@ -87,9 +88,16 @@ class TableOption(click.Option):
     def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
         """As click has it, with the names behind."""
         record = super().get_help_record(ctx)
+        return record and (record[0], f"{record[1]} {', '.join(self.names())}.")
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """The names that begin so."""
+        return [CompletionItem(name) for name in self.names() if name.startswith(incomplete)]
+
+    def names(self) -> list[str]:
+        """Of the table."""
         module, _, name = self.table.partition(":")
-        names = ", ".join(getattr(import_module(module), name))
-        return record and (record[0], f"{record[1]} {names}.")
+        return list(getattr(import_module(module), name))
 
 
 PROBABILITY = click.FloatRange(0.0, 1.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Unpack
+from typing import NamedTuple, Unpack
 
 import numpy as np
 
@@ -19,14 +19,26 @@ from replay.localise.poses import Poses, carried, compose, inverse
 from replay.localise.slam import fastslam, match_scans
 from replay.localise.tracking import Sighting, Track, on_plan
 
-Localiser = Callable[[Iterable[Sighting], Field | None, Estimate | None, int, Options], Track]
-LOCALISERS: dict[str, Localiser] = {
-    "amcl": on_plan,
-    "match": match_scans,
-    "fastslam": fastslam,
+
+class Localiser(NamedTuple):
+    """A way to poses.
+
+    Attributes:
+        find: sightings, the field of the plan where there is one, a start, a seed and options ->
+            a track.
+        needs_plan: it cannot do without a plan.
+    """
+
+    find: Callable[[Iterable[Sighting], Field | None, Estimate | None, int, Options], Track]
+    needs_plan: bool = False
+
+
+LOCALISERS = {
+    "amcl": Localiser(on_plan, needs_plan=True),
+    "match": Localiser(match_scans),
+    "fastslam": Localiser(fastslam),
 }
-"""--poses -> how: sightings, and the plan's field where there is a plan, to a track."""
-NEEDS_PLAN = ("amcl",)
+"""--poses -> how."""
 HERE = Pose(0.0, 0.0, 0.0)
 
 
@@ -65,7 +77,7 @@ def localise(
     notes = Notes() if notes is None else notes
     if method not in LOCALISERS:
         raise UsageError(method, "no such localiser", hint=f"there are {', '.join(LOCALISERS)}")
-    if method in NEEDS_PLAN and plan is None:
+    if plan is None and LOCALISERS[method].needs_plan:
         raise UsageError(method, "there is no plan to be on", hint="take match")
     chosen: Options = {**DEFAULTS, **options}
     ground, frame = (build_field(plan, notes), plan.frame) if plan is not None else (None, HERE)
@@ -86,7 +98,7 @@ def localise(
         if len(found.times_ns):
             at = min(found.settled, len(found.times_ns) - 1)
             begin = Estimate(Pose(*found.poses[0].tolist()), found.covariances[at])
-    track = LOCALISERS[method](_Sightings(drive, odometry), ground, begin, seed, chosen)
+    track = LOCALISERS[method].find(_Sightings(drive, odometry), ground, begin, seed, chosen)
     body = _body(drive, odometry, track)
     _tell(drive, notes, method, track)
     rows = np.searchsorted(drive.times_ns, track.times_ns)
