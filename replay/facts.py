@@ -13,8 +13,8 @@ from formats.stream import Drive
 from replay.options import Options
 from replay.pictures import CURVE_NAMES
 from replay.prior import breaks_e13
+from replay.scoring.count_metrics import METRICS
 from replay.scoring.course import Course
-from replay.scoring.scorer import METRICS
 from replay.world import World
 
 SHOWN = ("precision", "recall", "f2")

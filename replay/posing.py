@@ -21,9 +21,12 @@ from replay.localise.localising import LOCALISERS, localise
 from replay.localise.options import DEFAULTS as LOCALISING
 from replay.localise.poses import Poses, Times, compose
 
-METHODS = ("auto", "log", *LOCALISERS)
-
 HERE = Pose(0.0, 0.0, 0.0)
+
+
+def methods() -> list[str]:
+    """What --poses may be."""
+    return ["auto", "log", *LOCALISERS]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +73,8 @@ def wish(method: str) -> PoseWish:
     Raises:
         UsageError: there is no such way to poses.
     """
-    if method not in METHODS:
-        raise UsageError(method, "no such way to poses", hint=f"there are {', '.join(METHODS)}")
+    if method not in methods():
+        raise UsageError(method, "no such way to poses", hint=f"there are {', '.join(methods())}")
     known: dict[str, PoseWish] = {"auto": "auto", "log": "log"}
     return known.get(method, "odometry")
 
@@ -80,7 +83,7 @@ def decide(method: str, drive: Drive, plan: Plan | None, *, asked: bool) -> Deci
     """The method itself, or for `auto` what suits the log and the plan.
 
     Args:
-        method: of METHODS.
+        method: of `methods`.
         drive: as surveyed.
         plan: that the log is mapped over.
         asked: the user named the log's poses.

@@ -22,7 +22,7 @@ from formats.frame import Pose
 from formats.result import Result
 from formats.stream import open_log, survey
 from replay.running import run
-from replay.scoring.scorer import METRICS
+from replay.scoring.count_metrics import METRICS
 
 EXACT = (1e-6, 1e-6, 1e-6)  # m², m², rad²
 UNSURE = (0.25, 0.25, (pi / 12) ** 2)  # nav2_amcl's

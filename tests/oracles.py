@@ -258,7 +258,7 @@ def exact_mcc(counts: Counts) -> Fraction:
     return (Fraction(counts.tp, n) - found * real) / Fraction(root)
 
 
-# Every entry of replay.scoring.scorer.METRICS has its oracle here.
+# Every entry of replay.scoring.count_metrics.METRICS has its oracle here.
 SCORES: dict[str, Callable[[Counts], Fraction]] = {
     "precision": exact_precision,
     "recall": exact_recall,

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from statistics import median
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from formats.errors import FormatError, Notes, UsageError
 from formats.output import check_output, write_text
@@ -16,102 +14,15 @@ from formats.result import Counts
 from replay.archive.finding import places
 from replay.archive.places import Place
 from replay.archive.rescored import CELLS, Scored, Values, rescore
+from replay.archive.sides import Comparison, Side, Versus
 from replay.archive.summary import at_the_end
-from replay.scoring.intervals import Paired, paired
-from replay.scoring.scorer import METRICS
+from replay.scoring.count_metrics import METRICS
+from replay.scoring.intervals import paired, paired_means
+from replay.scoring.map_metrics import ERRORS
+from replay.scoring.measuring import of_results
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-Ints = npt.NDArray[np.int64]
 WORST = 5  # logs that are named
 TIE = 1e-12
-
-
-class Side(NamedTuple):
-    """One of what is compared.
-
-    Attributes:
-        label: of it.
-        place: its archive.
-        values: of its prior; what is not said is as it was.
-        curve: "none", "bayes", "paper"; "" for each result's own.
-    """
-
-    label: str
-    place: Place
-    values: Values
-    curve: str
-
-
-@dataclass
-class Versus:
-    """A side against the first one.
-
-    Attributes:
-        label: of the side.
-        paired: difference of the metric over all logs together, first taken away, with its 95 %
-            interval (logs drawn anew) and p.
-        median: of the differences log by log.
-        wins, losses, ties: logs in which it is better, worse, equal.
-        worst: (name, difference) of the logs that lose most.
-    """
-
-    label: str
-    paired: Paired
-    median: float
-    wins: int
-    losses: int
-    ties: int
-    worst: list[tuple[str, float]]
-
-
-@dataclass
-class Comparison:
-    """Sides on the logs that all of them have.
-
-    Attributes:
-        metric: that is compared.
-        sides: the first is what the others are held against.
-        names: of the logs, sorted.
-        values: (sides, logs) the metric.
-        counts: (sides, logs, 4) tp, fp, fn, tn.
-        versus: each other side.
-        alone: label -> names of logs that not all sides have.
-        failed: label -> name -> error.
-        found: label -> log -> the result's name in its archive.
-    """
-
-    metric: str
-    sides: list[Side]
-    names: list[str]
-    values: npt.NDArray[np.float64]
-    counts: Ints
-    versus: list[Versus]
-    alone: dict[str, list[str]] = field(default_factory=dict)
-    failed: dict[str, dict[str, str]] = field(default_factory=dict)
-    found: dict[str, dict[str, str]] = field(default_factory=dict)
-
-    def rows(self) -> list[dict[str, Any]]:
-        """A row for each log: the metric of every side, and differences to the first."""
-        labels = [side.label for side in self.sides]
-        rows = []
-        for i, name in enumerate(self.names):
-            each = dict(zip(labels, self.values[:, i].tolist(), strict=True))
-            less = {f"{label} - {labels[0]}": each[label] - each[labels[0]] for label in labels[1:]}
-            rows.append({"log": name, **each, **less})
-        return rows
-
-    def frame(self) -> pd.DataFrame:
-        """The rows as a DataFrame."""
-        from replay.archive.tables import frame
-
-        return frame(self.rows())
-
-    def _repr_html_(self) -> str:
-        from replay.archive.tables import html_table
-
-        return html_table(self.rows(), f"{self.metric}, {len(self.names)} logs")
 
 
 def compare(
@@ -135,7 +46,7 @@ def compare(
         prior_values: files that `replay tune` wrote, likewise.
         curves: of one archive: "none", "bayes", "paper"; of several: the one to compare.
         labels: of the archives.
-        metric: one of METRICS.
+        metric: one of docs/metrics.md; those of maps are compared by their means over the logs.
         html: a page to write.
         force: replace it where it exists.
         notes: takes what was odd.
@@ -147,8 +58,7 @@ def compare(
         UsageError: there is nothing to compare.
         FormatError: no log that all sides have.
     """
-    if metric not in METRICS:
-        raise UsageError(metric, "no such metric of counts", hint=f"there are {', '.join(METRICS)}")
+    metric = of_results(metric)
     sides = sides_of(places(archives), priors or {}, prior_values, curves, labels)
     if html is not None:
         check_output(html, force=force)
@@ -236,13 +146,15 @@ def held_together(sides: list[Side], scored: list[Scored], metric: str) -> Compa
         {(row["log_sha256"] if known else name): row for name, row in table.items()}
         for table in tables
     ]
-    common = set.intersection(*(set(each) for each in keyed))
+    valued = ({key for key, row in each.items() if row[metric] is not None} for each in keyed)
+    common = set.intersection(*valued)
     if not common:
         where = ", ".join(side.label for side in sides)
         raise FormatError(where, "have no log in common", hint="are they of the same logs?")
     order = sorted(common, key=lambda key: keyed[0][key]["result"])
     names = [keyed[0][key]["result"].removesuffix(".replay.mcap") for key in order]
     counts = np.array([[counts_of(each[key]) for key in order] for each in keyed], dtype=np.int64)
+    sign = -1.0 if metric in ERRORS else 1.0
     values = np.array([[each[key][metric] for key in order] for each in keyed])
     out = Comparison(metric, sides, names, values, counts, [])
     for side, each, result in zip(sides, keyed, scored, strict=True):
@@ -256,14 +168,17 @@ def held_together(sides: list[Side], scored: list[Scored], metric: str) -> Compa
         }
     for i, side in enumerate(sides[1:], 1):
         less = values[i] - values[0]
-        worst = [int(k) for k in np.argsort(less, kind="stable")[:WORST] if less[k] < -TIE]
+        gain = sign * less
+        worst = [int(k) for k in np.argsort(gain, kind="stable")[:WORST] if gain[k] < -TIE]
         out.versus.append(
             Versus(
                 side.label,
-                paired(METRICS[metric], counts[i], counts[0]),
+                paired(METRICS[metric], counts[i], counts[0])
+                if metric in METRICS
+                else paired_means(values[i], values[0]),
                 median(less.tolist()),
-                int((less > TIE).sum()),
-                int((less < -TIE).sum()),
+                int((gain > TIE).sum()),
+                int((gain < -TIE).sum()),
                 int((np.abs(less) <= TIE).sum()),
                 [(names[k], float(less[k])) for k in worst],
             )

@@ -8,15 +8,17 @@ from typing import Any
 import numpy as np
 
 from formats.results.kept import Kept, read_kept
-from replay.archive.comparing import Comparison, Side
 from replay.archive.finding import results_in
+from replay.archive.map_scores import map_scores
 from replay.archive.places import local
 from replay.archive.rescored import scores
 from replay.archive.rescoring import curves_under, through_time
+from replay.archive.sides import Comparison, Side
 from replay.archive.summary import titled
 from replay.figures import Chart, Line, charts
 from replay.pictures import FALSE, FOUND, MISSED, errors, gray, png
 from replay.reporting.markup import figure, key, page, picture, table, text
+from replay.scoring.map_metrics import MAP_METRICS
 
 SHOWN = 3  # logs that lose most, and that gain most, with maps
 MOST_ROWS = 500
@@ -33,6 +35,8 @@ def page_of(found: Comparison) -> str:
 def body(found: Comparison) -> Iterator[str]:
     """The parts of the page, in their order."""
     name, first = titled(found.metric), found.sides[0].label
+    of_maps = found.metric in MAP_METRICS
+    what = "the means over all logs" if of_maps else "the counts of all logs together"
     yield f"<h1>{text(', '.join(side.label for side in found.sides))}</h1>"
     yield f'<p class="soft">{text(name)} of {len(found.names)} logs, held against {text(first)}</p>'
     yield table(
@@ -53,7 +57,7 @@ def body(found: Comparison) -> Iterator[str]:
         numbers=7,
     )
     yield (
-        "<p class='soft'>The difference is of the counts of all logs together; its interval draws "
+        f"<p class='soft'>The difference is of {what}; its interval draws "
         "logs anew (2000 times), p swaps the sides log by log at random. The median is of the "
         "differences log by log.</p>"
     )
@@ -139,6 +143,11 @@ def through(kept: Kept, side: Side, curve: str, metric: str) -> tuple[Any, Any]:
     """Seconds and metric at keyframes."""
     observed = kept.settings.get("region") == "observed"
     times, values = [], []
+    if metric in MAP_METRICS:
+        maps = map_scores(kept, [side.values], metric, observed=observed, over_time=True)
+        values = [each[curve] for (each,) in maps]
+        times = [time for time, _ in kept.changes]
+        return (np.array(times) - times[0]) / 1e9, np.array(values, dtype=np.float64)
     for _, time, (found,) in through_time(kept, [side.values]):
         times.append(time)
         values.append(scores(found[curve], observed)[metric])

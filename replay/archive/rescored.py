@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,10 +13,13 @@ from formats.plans.prior_values import read_prior_values
 from formats.result import Counts
 from formats.results.kept import Kept, read_kept
 from replay.archive.finding import FAILED, Found, places, results_in
+from replay.archive.map_scores import map_scores
 from replay.archive.places import RESULT, Place, local
 from replay.archive.rescoring import VALUES, at_the_end, needs_layers, options_of, through_time
 from replay.archive.rescoring_kernels import Ints
-from replay.scoring.scorer import METRICS
+from replay.scoring.count_metrics import METRICS
+from replay.scoring.map_metrics import MAP_METRICS
+from replay.scoring.measuring import of_results
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -88,7 +91,8 @@ def rescore(
         grid: name -> values; all their combinations.
         truth: another truth, for all of the results.
         region: "observed" scores the observed cells alone; None: as the run did.
-        metric: one of METRICS, for the summary.
+        metric: one of docs/metrics.md, for the summary. Those of counts are always there; another
+            one is a column more, and takes each result's maps (see `map_scores`).
         over_time: at every keyframe, not at the end alone.
         notes: takes what was odd.
         progress: is told (done, all) results.
@@ -103,8 +107,7 @@ def rescore(
         UsageError: a value that needs the log, or out of its range.
     """
     notes = Notes() if notes is None else notes
-    if metric not in METRICS:
-        raise UsageError(metric, "no such metric of counts", hint=f"there are {', '.join(METRICS)}")
+    metric = of_results(metric)
     if region not in (None, "observed"):
         raise UsageError(region, "that region cannot be had without the log", hint="observed can")
     asked = asked_for(prior_values, priors, grid, values)
@@ -117,8 +120,9 @@ def rescore(
         if progress:
             progress(number, len(found))
         try:
-            kept = _read(one, truth, over_time, notes)
-            rows = rows_of(one, kept, asked, region, metric, over_time)
+            kept = _read(one, truth, over_time or metric in MAP_METRICS, notes)
+            other = truth is not None
+            rows = rows_of(one, kept, asked, region, metric, over_time, other_truth=other)
         except UsageError:
             raise
         except FormatError as error:
@@ -144,9 +148,9 @@ def _named(results: Place | Iterable[Place]) -> str:
     return ", ".join(map(str, places(results)))
 
 
-def _read(one: Found, truth: Place | None, over_time: bool, notes: Notes) -> Kept:
+def _read(one: Found, truth: Place | None, whole: bool, notes: Notes) -> Kept:
     path = local(one.place)
-    kept = read_kept(path, notes, whole=over_time or truth is not None)
+    kept = read_kept(path, notes, whole=whole or truth is not None)
     if needs_layers(kept) and not kept.layers:
         kept = read_kept(path, notes, whole=True)
     if truth is not None:
@@ -226,6 +230,8 @@ def rows_of(
     region: str | None,
     metric: str,
     over_time: bool,
+    *,
+    other_truth: bool = False,
 ) -> list[dict[str, Any]]:
     """The rows of one result.
 
@@ -241,7 +247,15 @@ def rows_of(
     else:
         moments = [({}, at_the_end(kept, priors))]
     observed = (region or kept.settings.get("region")) == "observed"
-    before = {curve: was(kept, curve, metric, observed) for curve in kept.curves}
+    of_maps: Iterator[list[dict[str, float | None]]] = iter(())
+    if metric in MAP_METRICS:
+        told = kept.facts.get("metrics", {})
+        before = {curve: told.get(curve, {}).get(metric) for curve in kept.curves}
+        if not other_truth:
+            ((before,),) = map_scores(kept, [{}], metric, observed=observed)
+        of_maps = map_scores(kept, priors, metric, observed=observed, over_time=over_time)
+    else:
+        before = {curve: was(kept, curve, metric, observed) for curve in kept.curves}
     batched = kept.facts.get("archive", {})
     source = {
         "log": " ".join(batched.get("logs", [])) or str(kept.facts.get("log", "")),
@@ -252,12 +266,14 @@ def rows_of(
     fixed = {"region": "observed" if observed else kept.settings.get("region", "footprint")}
     rows = []
     for moment, found in moments:
-        for label, chosen, curves in zip(asked, options, found, strict=True):
+        maps: list[dict[str, float | None]] = next(of_maps, [{} for _ in priors])
+        for label, chosen, curves, of_map in zip(asked, options, found, maps, strict=True):
             said = {name: chosen[name] for name in VALUES}
             for curve, counts in curves.items():
+                more = {metric: of_map[curve]} if of_map else {}
                 rows.append(
                     {"result": one.name, **source, "prior": label, **moment, "curve": curve}
-                    | {**said, **fixed, **scores(counts, observed)}
+                    | {**said, **fixed, **scores(counts, observed), **more}
                     | {f"was_{metric}": before.get(curve), "poses_depend_on": depends}
                 )
     return rows

@@ -8,6 +8,7 @@ from typing import Any
 
 from formats.errors import printable
 from replay.archive.rescored import Scored
+from replay.scoring.map_metrics import ERRORS
 
 NAMES = {"none": "no prior", "bayes": "prior, bayes", "paper": "prior, paper"}
 BEST = 10  # priors of a grid that are shown
@@ -53,10 +54,15 @@ def of_one(scored: Scored, rows: Sequence[dict[str, Any]]) -> list[str]:
     lines = [f"{label:<34}{'median ' + titled(metric):>16}{'was':>9}{'better':>9}{'worse':>8}"]
     for curve in dict.fromkeys(row["curve"] for row in rows):
         each = [row for row in rows if row["curve"] == curve]
-        pairs = [(row[metric], row[f"was_{metric}"]) for row in each]
+        pairs = [(row[metric], row[f"was_{metric}"]) for row in each if row[metric] is not None]
+        if not pairs:
+            lines.append(f"  {NAMES.get(curve, printable(curve)):<32}{'none':>16}")
+            continue
         known = [(now, then) for now, then in pairs if then is not None]
         then = f"{median(b for _, b in known):>9.3f}" if known else f"{'':>9}"
         better, worse = sum(a > b for a, b in known), sum(a < b for a, b in known)
+        if metric in ERRORS:
+            better, worse = worse, better
         name = NAMES.get(curve, printable(curve))
         now = median(a for a, _ in pairs)
         lines.append(f"  {name:<32}{now:>16.3f}{then}{better:>9}{worse:>8}")
@@ -71,20 +77,23 @@ def of_grid(scored: Scored, rows: Sequence[dict[str, Any]]) -> list[str]:
     before: list[float] = []
     for row in rows:
         curve = row["update"] if row["curve"] != "none" else ""
-        if row["curve"] == curve:
+        if row["curve"] == curve and row[metric] is not None:
             groups.setdefault(row["prior"], []).append(row[metric])
             then = row[f"was_{metric}"]
             before += [then] if then is not None and row["prior"] == first else []
     if not groups:
         return [f"{len(scored.priors)} priors, and no result with a plan"]
-    order = sorted(groups, key=lambda label: -median(groups[label]))
+    sign, last, worst, on = (-1, min, "least", "down")
+    if metric in ERRORS:
+        sign, last, worst, on = (1, max, "most", "up")
+    order = sorted(groups, key=lambda label: sign * median(groups[label]))
     width = max(34, *(len(label) + 2 for label in order[:BEST]))
     was = f" (was {median(before):.3f})" if before else ""
     head = f"{len(scored.priors)} priors{was}"
-    lines = [f"{head:<{width}}{'median ' + titled(metric):>16}{'least':>9}"]
+    lines = [f"{head:<{width}}{'median ' + titled(metric):>16}{worst:>9}"]
     for label in order[:BEST]:
         values = groups[label]
-        lines.append(f"  {label:<{width - 2}}{median(values):>16.3f}{min(values):>9.3f}")
+        lines.append(f"  {label:<{width - 2}}{median(values):>16.3f}{last(values):>9.3f}")
     if len(order) > BEST:
-        lines.append(f"  ... and {len(order) - BEST} more, down to {median(groups[order[-1]]):.3f}")
+        lines.append(f"  ... and {len(order) - BEST} more, {on} to {median(groups[order[-1]]):.3f}")
     return lines

@@ -64,7 +64,7 @@ from replay.cli.values import (
     "--poses",
     metavar="NAME",
     cls=TableOption,
-    table="replay.posing:METHODS",
+    table="replay.posing:methods",
     help="The log's, or found on the plan; auto (default) decides and says why:",
 )
 @click.option("--initial-pose", type=PoseType(), help="Where amcl starts; else anywhere.")
@@ -164,7 +164,7 @@ from replay.cli.values import (
     metavar="NAME",
     multiple=True,
     cls=TableOption,
-    table="replay.scoring.measuring:NAMES",
+    table="replay.scoring.measuring:names",
     help="More scores of the last maps; may be given again:",
 )
 @click.option(

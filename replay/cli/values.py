@@ -78,7 +78,8 @@ class TableOption(click.Option):
     """An option whose values are the names of a table; the help lists them as they are.
 
     Args:
-        table: "module:NAME", imported only for the help, and where the shell completes.
+        table: "module:NAME", or "module:function" that lists them; imported only for the help, and
+            where the shell completes.
     """
 
     def __init__(self, *args: Any, table: str, **options: Any) -> None:
@@ -97,7 +98,8 @@ class TableOption(click.Option):
     def names(self) -> list[str]:
         """Of the table."""
         module, _, name = self.table.partition(":")
-        return list(getattr(import_module(module), name))
+        table = getattr(import_module(module), name)
+        return list(table() if callable(table) else table)
 
 
 PROBABILITY = click.FloatRange(0.0, 1.0)

@@ -7,11 +7,12 @@ or logs of an archive. Seeded: the same rows give the same numbers.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from formats.grid import Floats
 from formats.result import Counts
 
 Bools = npt.NDArray[np.bool_]
@@ -86,7 +87,7 @@ def interval(
     """The percentile bootstrap of a metric of summed counts (Efron and Tibshirani 1993, ch. 13).
 
     Args:
-        metric: one of `scoring.METRICS`.
+        metric: one of `count_metrics.METRICS`.
         table: (n, 4) counts of each unit.
 
     Raises:
@@ -114,23 +115,47 @@ def paired(
     coin and counts differences at least as large (Noreen 1989), the observed one among them.
 
     Args:
-        metric: one of `scoring.METRICS`.
+        metric: one of `count_metrics.METRICS`.
         first, second: (n, 4) counts of the same units in the same order.
 
     Raises:
         ValueError: no units, or not the same number.
     """
+    return _paired(lambda sums: _scores(metric, sums), first, second, rounds, level, seed)
+
+
+def paired_means(
+    first: Floats,
+    second: Floats,
+    *,
+    rounds: int = ROUNDS,
+    level: float = 0.95,
+    seed: int = SEED,
+) -> Paired:
+    """The same of a score that each unit has of its own, (n,): of its mean over the units.
+
+    Raises:
+        ValueError: no units, or not the same number.
+    """
+
+    def mean(sums: Any) -> Floats:
+        return np.asarray(sums[:, 0] / len(first), dtype=np.float64)
+
+    return _paired(mean, first[:, None], second[:, None], rounds, level, seed)
+
+
+def _paired(
+    score: Callable[[Any], Floats], first: Any, second: Any, rounds: int, level: float, seed: int
+) -> Paired:
+    """Both, where `score` turns sums over units (k, m) into k scores."""
     if not len(first) or first.shape != second.shape:
         raise ValueError("a paired test needs the same units of both, and at least one")
     rng = np.random.default_rng(seed)
-    sums = Counts(*first.sum(axis=0).tolist()), Counts(*second.sum(axis=0).tolist())
-    difference = metric(sums[0]) - metric(sums[1])
+    difference = float(np.subtract(*score(np.stack((first.sum(axis=0), second.sum(axis=0))))))
     draws = _draws(len(first), rounds, rng)
-    low, high = _middle(_scores(metric, draws @ first) - _scores(metric, draws @ second), level)
+    low, high = _middle(score(draws @ first) - score(draws @ second), level)
     swapped = rng.integers(0, 2, size=(rounds, len(first)), dtype=np.int64)
     moved = swapped @ (second - first)
-    by_chance = _scores(metric, first.sum(axis=0) + moved) - _scores(
-        metric, second.sum(axis=0) - moved
-    )
+    by_chance = score(first.sum(axis=0) + moved) - score(second.sum(axis=0) - moved)
     as_large = int(np.count_nonzero(np.abs(by_chance) >= abs(difference) - 1e-12))
     return Paired(difference, low, high, (as_large + 1) / (rounds + 1))

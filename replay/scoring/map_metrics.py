@@ -1,4 +1,4 @@
-"""Metrics of a map's probabilities and places; those of counts are `scoring.METRICS`.
+"""Metrics of a map's probabilities and places; those of counts are in `count_metrics`.
 
 Each is a function of a map, the cells that are wall in truth and the cells that count. Occupied is
 positive, as everywhere; probabilities are of occupied, taken from the log-odds so that a cell that
@@ -138,13 +138,14 @@ def chamfer(grid: Grid, wall: Bools, scored: Bools) -> float:
 
 
 MapMetric = Callable[[Grid, Bools, Bools], float]
-MAP_METRICS: dict[str, MapMetric] = {
+ERRORS: dict[str, MapMetric] = {
     "brier": brier,
     "cross_entropy": cross_entropy,
-    "roc_auc": roc_auc,
-    "pr_auc": pr_auc,
     "calibration": calibration,
-    "boundary_f": boundary_f,
     "chamfer": chamfer,
 }
+"""The less, the better."""
+GAINS: dict[str, MapMetric] = {"roc_auc": roc_auc, "pr_auc": pr_auc, "boundary_f": boundary_f}
+"""The more, the better."""
+MAP_METRICS = ERRORS | GAINS
 """Name -> function of a map, the cells that are wall in truth and the cells that count."""

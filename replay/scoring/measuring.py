@@ -9,27 +9,47 @@ from typing import Any
 
 from formats.errors import UsageError
 from formats.grid import Grid
+from replay.scoring.count_metrics import METRICS
 from replay.scoring.intervals import block_counts, interval, paired
 from replay.scoring.map_metrics import MAP_METRICS, Bools
-from replay.scoring.scorer import METRICS, tell
+from replay.scoring.scorer import tell
 
 PREDICTIVE = "predictive"  # of scans, not of a map: see `predictive`
-NAMES = (*METRICS, *MAP_METRICS, PREDICTIVE)
 
 
-def checked(names: Iterable[str]) -> list[str]:
+def names() -> list[str]:
+    """Of every metric."""
+    return [*METRICS, *MAP_METRICS, PREDICTIVE]
+
+
+def checked(asked: Iterable[str]) -> list[str]:
     """Names of metrics, each once; several may stand in one, with commas between.
 
     Raises:
         UsageError: there is no such metric.
     """
-    out = [part.strip() for name in names for part in name.split(",")]
+    out, known = [part.strip() for name in asked for part in name.split(",")], names()
     for name in out:
-        if name not in NAMES:
-            close = get_close_matches(name, NAMES, 1)
-            hint = f"did you mean {close[0]}?" if close else f"there are {', '.join(NAMES)}"
+        if name not in known:
+            close = get_close_matches(name, known, 1)
+            hint = f"did you mean {close[0]}?" if close else f"there are {', '.join(known)}"
             raise UsageError(name, "no such metric", hint=hint)
     return list(dict.fromkeys(out))
+
+
+def of_results(name: str) -> str:
+    """The name of a metric that needs no log.
+
+    Raises:
+        UsageError: there is no such metric, or it is of the scans.
+    """
+    found = checked([name])
+    if len(found) != 1:
+        raise UsageError(name, "one metric at a time")
+    if found == [PREDICTIVE]:
+        hint = f"`replay run --metric {PREDICTIVE}` has it"
+        raise UsageError(name, "is of the scans, which a result does not keep", hint=hint)
+    return found[0]
 
 
 def measured(

@@ -17,7 +17,7 @@ import pytest
 from formats.errors import FormatError, UsageError
 from replay import batch, compare, rescore
 from replay.cli import _exit_code
-from replay.scoring.scorer import METRICS
+from replay.scoring.count_metrics import METRICS
 
 
 @pytest.fixture
@@ -79,6 +79,21 @@ def test_priors_and_curves_of_one_archive(two: Path) -> None:
     rows = [row for row in rescore("one").rows if row["curve"] == "none"]
     assert curves.values[0].tolist() == [row["f2"] for row in rows]
     assert curves.versus[0].wins == 4
+
+
+def test_a_metric_of_maps_is_compared_by_its_means_and_less_error_wins(two: Path) -> None:
+    found = compare("one", curves=["none", "bayes"], metric="brier", html="brier.html")
+    for side, curve in zip(found.values, ("none", "bayes"), strict=True):
+        rows = [row for row in rescore("one", metric="brier").rows if row["curve"] == curve]
+        assert side.tolist() == [row["brier"] for row in rows]
+    (versus,) = found.versus
+    means = found.values.mean(axis=1)
+    assert means[1] < means[0]
+    assert versus.paired.difference == pytest.approx(means[1] - means[0], rel=1e-12)
+    assert (versus.wins, versus.losses, versus.worst) == (4, 0, [])
+    assert "is of the means over all logs" in Path("brier.html").read_text()
+    back = compare("one", curves=["bayes", "none"], metric="brier").versus[0]
+    assert (back.wins, back.losses, len(back.worst)) == (0, 4, 4)
 
 
 def test_refusals(two: Path, home: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 import replay
 from formats.result import Counts, ratios
 from replay import batch, results, run
-from replay.scoring.scorer import METRICS
+from replay.scoring.count_metrics import METRICS
 
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 

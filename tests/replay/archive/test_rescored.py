@@ -17,7 +17,8 @@ from formats.results.file import read_result
 from formats.results.kept import read_kept
 from replay import rescore, run
 from replay.cli import _exit_code
-from replay.scoring.scorer import METRICS
+from replay.scoring.count_metrics import METRICS
+from replay.scoring.map_metrics import MAP_METRICS
 
 ROOT = Path(__file__).resolve().parents[3]
 SAMPLES = ROOT / "sample_logs"
@@ -57,6 +58,47 @@ def test_rows_and_what_failed(archive: Path) -> None:
     assert row["was_f2"] == pytest.approx(before, rel=1e-15)
     assert len(scored.frame()) == 9
     assert "<td>a/1.replay.mcap</td>" in scored._repr_html_()
+
+
+def test_every_metric_of_maps_is_that_of_the_run(tmp_path: Path) -> None:
+    names = list(MAP_METRICS)
+    out = tmp_path / "m.replay.mcap"
+    made: dict[str, Any] = {"truth": SAMPLES / "truth.png", "every": 40, "metrics": names}
+    told = run(LOG, SAMPLES / "plan.png", output=out, **made).facts["metrics"]
+    other = tmp_path / "o.replay.mcap"
+    fresh = run(LOG, SAMPLES / "plan.png", output=other, p_wall=0.45, **made).facts["metrics"]
+    for name in names:
+        rows = rescore(out, metric=name, p_wall=0.45).rows
+        assert {row["curve"]: row[name] for row in rows} == {c: v[name] for c, v in fresh.items()}
+        assert {row["curve"]: row[f"was_{name}"] for row in rows} == {
+            c: v[name] for c, v in told.items()
+        }
+    last = rescore(out, metric="brier", over_time=True).rows[-3:]
+    assert [row["brier"] for row in last] == [value["brier"] for value in told.values()]
+    assert [row["f2"] for row in last] == [row["f2"] for row in rescore(out).rows]
+    seen = rescore(out, metric="brier", region="observed").rows
+    assert seen[0]["brier"] < last[0]["brier"]  # without a prior, what nobody saw is a half
+    bare = rescore(out, metric="brier", truth=SAMPLES / "plan.png").rows
+    assert [row["was_brier"] for row in bare] == [value["brier"] for value in told.values()]
+    assert bare[0]["brier"] != told["none"]["brier"]
+
+
+def test_the_table_knows_that_less_error_is_better(
+    archive: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    one = str(archive / "a" / "1.replay.mcap")
+    assert _exit_code(["rescore", one, "--metric", "brier", "--p-wall", "0.45"]) == 0
+    line = next(row for row in capsys.readouterr().out.splitlines() if "prior, bayes" in row)
+    now, then, better, worse = line.split()[2:]
+    assert float(now) > float(then)
+    assert (better, worse) == ("0", "1")
+    for wrong, words in (
+        ("predictive", "a result does not keep; `replay run --metric predictive` has it"),
+        ("brir", "no such metric; did you mean brier?"),
+        ("f2,f1", "one metric at a time"),
+    ):
+        assert _exit_code(["rescore", one, "--metric", wrong]) == 2
+        assert words in capsys.readouterr().err
 
 
 def test_another_truth_is_that_of_a_fresh_run(archive: Path, tmp_path: Path) -> None:

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from formats.result import Counts
-from replay.scoring.intervals import block_counts, interval, paired
-from replay.scoring.scorer import METRICS, count, f2, precision
+from replay.scoring.count_metrics import METRICS, f2, precision
+from replay.scoring.intervals import block_counts, interval, paired, paired_means
+from replay.scoring.scorer import count
 
 
 def units(
@@ -95,6 +96,20 @@ def test_every_metric_of_counts_has_an_interval(name: str) -> None:
     found = interval(METRICS[name], units(25, 6), rounds=200)
     assert found.low <= found.value <= found.high
     assert found.low < found.high
+
+
+def test_scores_of_units_are_compared_by_their_means() -> None:
+    first, second = np.array([0.25, 0.5, 0.75, 1.0]), np.array([0.25, 0.25, 0.25, 0.25])
+    found = paired_means(first, second, rounds=4000)
+    assert found.difference == pytest.approx(0.375, rel=1e-15)
+    # draws of four differences 0, .25, .5, .75: all zeros, or all the largest, are too rare
+    assert 0.0 < found.low < 0.375 < found.high < 0.75
+    # the three that differ all have one sign: by chance so in 2 of 8 tosses
+    assert found.p == pytest.approx(0.25, abs=0.03)
+    same = paired_means(first, first)
+    assert (same.difference, same.low, same.high, same.p) == (0.0, 0.0, 0.0, 1.0)
+    with pytest.raises(ValueError, match="same units"):
+        paired_means(first, second[:2])
 
 
 def test_no_units() -> None:

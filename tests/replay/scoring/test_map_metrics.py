@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from formats.grid import Geometry, Grid, logit
 from formats.result import Counts
+from replay.scoring.count_metrics import METRICS, f_beta
 from replay.scoring.map_metrics import (
     MAP_METRICS,
     boundary_f,
@@ -25,7 +26,7 @@ from replay.scoring.map_metrics import (
     reliability_curve,
     roc_auc,
 )
-from replay.scoring.scorer import METRICS, f_beta, tell
+from replay.scoring.scorer import tell
 
 Bools = npt.NDArray[np.bool_]
 Case = tuple[Grid, Bools, Bools]

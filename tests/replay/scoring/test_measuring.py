@@ -12,9 +12,9 @@ from formats.errors import UsageError
 from replay import run
 from replay.cli import _exit_code
 from replay.cli.table import run_report
+from replay.scoring.count_metrics import METRICS
 from replay.scoring.map_metrics import MAP_METRICS
-from replay.scoring.measuring import NAMES, checked
-from replay.scoring.scorer import METRICS
+from replay.scoring.measuring import checked, names
 from tests.replay.test_running import SAMPLES, sample
 
 
@@ -27,13 +27,13 @@ def test_names_come_alone_with_commas_and_once() -> None:
 
 
 def test_every_metric_of_a_run(tmp_path: Path) -> None:
-    found = sample(tmp_path, every=20, metrics=NAMES, intervals=True)
+    found = sample(tmp_path, every=20, metrics=names(), intervals=True)
     facts = json.loads(json.dumps(found.facts, default=str, allow_nan=False))
     assert list(facts["metrics"]) == ["none", "bayes", "paper"]
     whole = found.split("bayes").whole
     for name in METRICS:
         assert facts["metrics"]["bayes"][name] == METRICS[name](whole)
-    assert set(facts["metrics"]["none"]) == set(NAMES)
+    assert set(facts["metrics"]["none"]) == set(names())
     for name in MAP_METRICS:
         assert np.isfinite(facts["metrics"]["bayes"][name])
     assert facts["metrics"]["bayes"]["predictive"] > facts["metrics"]["none"]["predictive"]
@@ -80,7 +80,7 @@ def test_the_command_line_lists_them_and_refuses_others(
 ) -> None:
     assert _exit_code(["run", "--help"]) == 0
     words = capsys.readouterr().out.replace(",", " ").replace(".", " ").split()
-    assert set(NAMES) <= set(words)
+    assert set(names()) <= set(words)
     log = str(SAMPLES / "turtlebot.mcap")
     assert _exit_code(["run", log, "-o", str(tmp_path / "x.mcap"), "--metric", "f3"]) == 2
     assert "no such metric" in capsys.readouterr().err

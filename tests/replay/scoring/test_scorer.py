@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from formats.grid import Evidence, Geometry, Grid, logit
 from formats.result import Counts, Curve, Split
+from replay.scoring.count_metrics import METRICS, f2, f_beta, precision, recall
 from replay.scoring.kernels import FEW
-from replay.scoring.scorer import METRICS, Scorer, count, f2, f_beta, precision, recall
+from replay.scoring.scorer import Scorer, count
 from replay.sensors.observer import MODELS, Touched
 from tests import oracles
 from tests.replay.test_mapper import ROOM, frames, mapper_of

@@ -16,7 +16,8 @@ from scipy.ndimage import binary_dilation
 from formats.frame import Frame, Pose, Scan
 from formats.grid import Evidence, Geometry, Grid, logit
 from replay.mapper import Mapper
-from replay.scoring.scorer import f2, tell
+from replay.scoring.count_metrics import f2
+from replay.scoring.scorer import tell
 from replay.sensors.observer import MODELS
 from replay.sensors.polar import observer
 from replay.simulator.casting import cast
