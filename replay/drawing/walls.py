@@ -172,7 +172,7 @@ def _open_bands(ink: Bits, cells: Cells, hollow: Bits, door: float) -> Bits:
     band = white & (1 - opened(white, round(ALIKE * most)))
     bands = Cells.of(1 - band, float(ink.size))
     alike = (bands.width > least / ALIKE) & (bands.width < most * ALIKE)
-    alike &= bands.length > 2 * LONG * door
+    alike &= (bands.length > 2 * LONG * door) & ~bands.outside
     drawn = bands.bordering(ink) * bands.edges()
     return bands.pick(alike & (drawn > BOTH * bands.length))
 
