@@ -17,6 +17,13 @@ Whole = npt.NDArray[np.int64]
 PAPER_SHARE = 0.25  # ink is darker than paper by this share of the darkest tone's distance
 DARK_PERCENTILE = 20  # of the pixels that differ from paper: the tone of full ink
 FAINT = 12  # grey levels below paper that are a faint line, on a sheet without grain
+COARSE = 600  # px of the longer side at which floors are looked for
+FLOOR = 1 / 25  # of it: no wall is thicker
+FLOOR_LEAST = 0.6  # of the paper's tone: no floor is darker
+FLOOR_SHARE = 1.0  # per cent of the picture that may be darker floors still
+NEARLY = 15  # grey levels below paper that are never ink
+NOISY = 5.0  # and so many times the noise
+ROWS = 300  # of a picture, at least, tell its noise
 EXACT = 1 << 24  # a float32 counts so far
 BAND = 1_500_000  # px of a picture of floats that is worked on at a time: it stays in the cache
 GRAIN = 0.01  # share of pixels that are nearly paper; a scan has more, a plot fewer
@@ -38,20 +45,41 @@ def upright(gray: Gray) -> Gray:
     return 255 - gray if counts[:128].sum() > counts[128:].sum() else gray
 
 
-def _paper(counts: npt.NDArray[np.int64]) -> int:
-    """The tone of the paper: the most frequent bright one."""
-    return 128 + int(counts[128:].argmax())
+def paper_tone(gray: Gray) -> int:
+    """The tone that ink is darker than: the most frequent bright one, or that of darker floors.
+
+    Floors are what is wide: coloured rooms, and the shaded side of a scan. What is narrower than a
+    25th of the picture is closed at a coarse size, so that walls do not count, however thick.
+    """
+    counts = tones(gray)
+    most = 128 + int(counts[128:].argmax())
+    factor = max(1, round(max(gray.shape) / COARSE))
+    if min(gray.shape) < factor:
+        return most
+    rows, cols = (side // factor * factor for side in gray.shape)
+    blocks = gray[:rows, :cols].reshape(rows // factor, factor, cols // factor, factor)
+    small = np.ascontiguousarray(blocks.max(axis=(1, 3)))
+    side = round(max(small.shape) * FLOOR) | 1
+    floor = np.asarray(cv2.morphologyEx(small, cv2.MORPH_CLOSE, square(side)))
+    bright = floor[floor > FLOOR_LEAST * most]
+    return min(most, int(np.percentile(bright, FLOOR_SHARE))) if bright.size else most
+
+
+def noise(gray: Gray) -> float:
+    """Standard deviation of the paper's grain in grey levels, by pixels beside each other."""
+    rows = gray[:: max(1, gray.shape[0] // ROWS)].astype(np.int16)
+    steps = np.abs(np.diff(rows, axis=1))
+    return float(np.median(steps)) / 0.954 if steps.size else 0.0  # of a normal distribution
 
 
 def binarise(gray: Gray) -> Bits:
     """Ink as 1: darker than paper by a quarter of the way to the tone of full ink.
 
-    Light grey hatching and thin grey lines count, the grain of a scanned sheet does not. Paper is
-    what most bright pixels show.
+    Light grey hatching and thin grey lines count, the grain of a scanned sheet does not.
     """
     counts = tones(gray)
-    paper = _paper(counts)
-    dark = counts[: max(1, paper - 15)]
+    paper = paper_tone(gray)
+    dark = counts[: max(1, paper - max(NEARLY, round(NOISY * noise(gray))))]
     if dark.sum() == 0:
         return np.zeros(gray.shape, dtype=np.uint8)
     full = int(np.searchsorted(dark.cumsum(), dark.sum() * DARK_PERCENTILE / 100))
@@ -61,7 +89,7 @@ def binarise(gray: Gray) -> Bits:
 def faint(gray: Gray, ink: Bits) -> Bits:
     """Ink with its faintest lines, which plotters use for door arcs; the ink alone on a scan."""
     counts = tones(gray)
-    paper = _paper(counts)
+    paper = paper_tone(gray)
     if counts[max(0, paper - FAINT) : paper].sum() > GRAIN * gray.size:
         return ink
     return ink | (gray < paper - FAINT).astype(np.uint8)
