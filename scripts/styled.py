@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import pairwise
 from math import atan2, cos, hypot, pi, radians, sin
 
 import cv2
@@ -88,9 +89,7 @@ class Pen:
         """Places in the fine picture."""
         return np.rint((np.array(points) + EDGE) * (PX * FINE) - 0.5).astype(np.int32)
 
-    def line(
-        self, *points: Point, stroke: float = 0, tone: int = 0, closed: bool = False
-    ) -> None:
+    def line(self, *points: Point, stroke: float = 0, tone: int = 0, closed: bool = False) -> None:
         """A stroke through points."""
         wide = max(1, round(FINE * (stroke or self.stroke)))
         cv2.polylines(self.gray, [self.px(*points)], closed, tone, wide)
@@ -128,9 +127,18 @@ class Pen:
     def door(self, hinge: Point, end: Point, turn: int, thick: float) -> None:
         """An opening with its leaf and arc."""
         self.band(hinge, end, thick + 0.04, 0)
-        wide, shut = hypot(end[0] - hinge[0], end[1] - hinge[1]), atan2(end[1] - hinge[1], end[0] - hinge[0])
+        wide, shut = (
+            hypot(end[0] - hinge[0], end[1] - hinge[1]),
+            atan2(end[1] - hinge[1], end[0] - hinge[0]),
+        )
         self.arc(*hinge, wide, shut, turn * pi / 2)
-        self.line(hinge, (hinge[0] + wide * cos(shut + turn * pi / 2), hinge[1] + wide * sin(shut + turn * pi / 2)))
+        self.line(
+            hinge,
+            (
+                hinge[0] + wide * cos(shut + turn * pi / 2),
+                hinge[1] + wide * sin(shut + turn * pi / 2),
+            ),
+        )
         a, b = ((np.array(p) + EDGE) * PX - 0.5 for p in (hinge, end))
         self.doors.append(Door((a[0], a[1]), (b[0], b[1]), turn * pi / 2))
 
@@ -203,12 +211,17 @@ def building(fill: Fill, stroke: float = 1.4, curved: bool = False, bare: bool =
 
 
 def _curved(pen: Pen) -> None:
-    """A bay of a half circle on the upper wall, a round wall in a room, a slanted one in another."""
+    """A bay of a half circle on the upper wall, a round wall in a room, a slanted one."""
     for x, y, r, first, thick in ((4.5, 0.0, 1.1, pi, OUTER), (9.2, 4.2, 1.6, -pi / 2, INNER)):
         extent = pi if thick == OUTER else pi / 2
         turns = first + np.linspace(0, extent, 60)
-        for s, t in zip(turns[:-1], turns[1:], strict=True):
-            pen.band((x + r * cos(s), y + r * sin(s)), (x + r * cos(t + 0.01), y + r * sin(t + 0.01)), thick, 1)
+        for s, t in pairwise(turns.tolist()):
+            pen.band(
+                (x + r * cos(s), y + r * sin(s)),
+                (x + r * cos(t + 0.01), y + r * sin(t + 0.01)),
+                thick,
+                1,
+            )
     pen.band((0.0, 7.0), (3.0, 10.0), INNER, 1)
 
 
@@ -245,7 +258,7 @@ def dimensions(pen: Pen) -> None:
         for x in marks:
             pen.line((x - 0.08, y + 0.08), (x + 0.08, y - 0.08))
             pen.line((x, y - 0.15), (x, -0.25))
-        for a, b in zip(marks[:-1], marks[1:], strict=True):
+        for a, b in pairwise(marks):
             pen.text(f"{b - a:.2f}", (a + b) / 2 - 0.2, y - 0.06, 0.12)
     pen.line((-0.8, 0), (-0.8, 10))
     for y in (0, 4.2, 5.8, 10):
@@ -271,7 +284,9 @@ def dashes(pen: Pen) -> None:
 def words(pen: Pen) -> None:
     """Notes in every room and a legend beside."""
     for k in range(7):
-        pen.text(f"{k}: plaster 15 mm, skirting oak, floor 2 coats", 14.4 - 0.1, 1.0 + 0.4 * k, 0.09)
+        pen.text(
+            f"{k}: plaster 15 mm, skirting oak, floor 2 coats", 14.4 - 0.1, 1.0 + 0.4 * k, 0.09
+        )
     for x, y in ((0.4, 1.4), (5.0, 0.7), (9.6, 1.0), (0.5, 6.6), (5.6, 6.5), (10.5, 9.2)):
         for k, note in enumerate(("H=2.60 F30", "A 12.4 U 14.1", "P 3x16A")):
             pen.text(note, x, y + 0.25 * k, 0.13)
@@ -334,7 +349,8 @@ def finished(pen: Pen, gray: Gray | None = None) -> Sheet:
 def turned(sheet: Sheet, degrees: float, scale: float = 1.0) -> Sheet:
     """The sheet laid down askew, or printed at another size."""
     rows, cols = sheet.gray.shape
-    way = cv2.getRotationMatrix2D((cols / 2, rows / 2), degrees, 1.0)
+    plain = cv2.getRotationMatrix2D((cols / 2, rows / 2), degrees, 1.0)
+    way: npt.NDArray[np.float64] = np.array(plain, dtype=np.float64)
     way[:, :2] *= scale
     wide = round(scale * (cols + rows * abs(sin(radians(degrees)))))
     high = round(scale * (rows + cols * abs(sin(radians(degrees)))))

@@ -16,6 +16,8 @@ from replay.drawing.ink import Bits, distance
 
 Doubles = npt.NDArray[np.float64]
 Labels = npt.NDArray[np.int32]
+BESIDE = 0.6  # px crossed for one of the longer one's length: cells that lie side by side
+ALIKE = 0.8  # and the shorter is as long as that
 Flags = npt.NDArray[np.bool_]
 
 
@@ -28,6 +30,7 @@ class Cells:
         area, width, length: px; width is that of the largest disc inside, length area / width.
         angle: rad, direction of the long axis; in (-pi / 2, pi / 2].
         long, short: px, sides of the rectangle with the same moments.
+        boxed: share of its upright box that the cell fills.
         outside: whether the cell touches the picture's edge.
     """
 
@@ -38,6 +41,7 @@ class Cells:
     angle: Doubles
     long: Doubles
     short: Doubles
+    boxed: Doubles
     outside: Flags
 
     @classmethod
@@ -81,6 +85,7 @@ class Cells:
             0.5 * np.arctan2(2 * xy, xx - yy),
             np.sqrt(6 * (xx + yy + gap)) + 1,
             np.sqrt(np.maximum(6 * (xx + yy - gap), 0.0)) + 1,
+            area / np.maximum(stats[:, 2].astype(np.float64) * stats[:, 3], 1.0),
             outside,
         )
 
@@ -99,6 +104,34 @@ class Cells:
             total += np.bincount(label, value, len(self.area))
             weight += np.bincount(label, minlength=len(self.area))
         return total / np.maximum(weight, 1)
+
+
+def stacked(cells: Cells, chosen: Flags, line: int) -> Flags:
+    """Of some cells those that lie side by side with another as long: panes, treads, shelves.
+
+    Args:
+        cells: of a drawing.
+        chosen: which of them are looked at.
+        line: px, how thick the lines between them are.
+    """
+    number = np.where(chosen, np.arange(len(chosen)), 0).astype(np.int32)[cells.labels]
+    across = line + 2
+    pairs = []
+    for one, other in (
+        (number[:, :-across], number[:, across:]),
+        (number[:-across], number[across:]),
+    ):
+        both = (one > 0) & (other > 0) & (one != other)
+        pairs.append(np.column_stack((one[both], other[both])))
+    each = np.sort(np.vstack(pairs), axis=1)
+    pair, count = np.unique(each, axis=0, return_counts=True)
+    out = np.zeros(len(chosen), dtype=np.bool_)
+    if len(pair):
+        long = np.maximum(cells.long[pair[:, 0]], cells.long[pair[:, 1]])
+        least = np.minimum(cells.long[pair[:, 0]], cells.long[pair[:, 1]])
+        side = (count > BESIDE * long) & (least > ALIKE * long)
+        out[pair[side].ravel()] = True
+    return out
 
 
 def _edges(labels: Labels, count: int) -> Doubles:

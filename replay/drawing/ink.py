@@ -18,7 +18,7 @@ PAPER_SHARE = 0.25  # ink is darker than paper by this share of the darkest tone
 DARK_PERCENTILE = 20  # of the pixels that differ from paper: the tone of full ink
 FAINT = 12  # grey levels below paper that are a faint line, on a sheet without grain
 COARSE = 600  # px of the longer side at which floors are looked for
-FLOOR = 1 / 25  # of it: no wall is thicker
+FLOOR = 1 / 16  # of it: no wall is thicker
 FLOOR_LEAST = 0.6  # of the paper's tone: no floor is darker
 FLOOR_SHARE = 1.0  # per cent of the picture that may be darker floors still
 NEARLY = 15  # grey levels below paper that are never ink
@@ -49,7 +49,7 @@ def paper_tone(gray: Gray) -> int:
     """The tone that ink is darker than: the most frequent bright one, or that of darker floors.
 
     Floors are what is wide: coloured rooms, and the shaded side of a scan. What is narrower than a
-    25th of the picture is closed at a coarse size, so that walls do not count, however thick.
+    16th of the picture is closed at a coarse size, so that walls do not count, however thick.
     """
     counts = tones(gray)
     most = 128 + int(counts[128:].argmax())

@@ -6,28 +6,46 @@ import cv2
 import numpy as np
 
 from replay.drawing.cells import Cells
-from replay.drawing.ink import Bits, grown, opened_by, shrunk, square
+from replay.drawing.ink import Bits, closed, grown, opened, opened_by, shrunk, square
 from replay.drawing.shapes import Door
 
 OPENINGS = (1.5, 3.0, 6.0)  # door widths: gaps closed in turn until the walls enclose something
 NEARLY = 0.8  # of the most that a closing encloses
+GLAZING = (0.12, 0.4)  # door widths: lines so far apart, from first to last
+SHUT = 0.8  # of what is about a room is wall or glazing; a terrace has less
 WINDOW = 3.5  # door widths: the widest opening in which ink is a window
 TREADS = 4  # cells alike side by side that make stairs
 TREAD = (0.2, 0.5)  # door widths: depth of a tread
 
 
-def outline(walls: Bits, door: float) -> Bits:
+def outline(walls: Bits, door: float, lines: Bits | None = None) -> Bits:
     """The footprint: what the picture's border does not reach once the openings are closed.
 
-    Of the closings tried it is the smallest that encloses nearly as much as the largest.
+    Of the closings tried it is the smallest that encloses nearly as much as the largest. Where all
+    lines are given, rooms with a glazed front belong to it, too.
     """
     factor = max(1, round(door / 16))
     small = shrunk(walls, factor)
     found = [_enclosed(small, round(gap * door / factor / 2)) for gap in OPENINGS]
     most = max(float(mask.sum()) for mask in found)
     chosen = next(mask for mask in found if float(mask.sum()) >= NEARLY * most)
+    if lines is not None:
+        chosen = _with_glazed(small, shrunk(lines, factor), chosen, door / factor)
     full = cv2.resize(chosen, walls.shape[::-1], interpolation=cv2.INTER_NEAREST)
     return np.asarray(full, dtype=np.uint8) | walls
+
+
+def _with_glazed(walls: Bits, lines: Bits, inside: Bits, door: float) -> Bits:
+    """The footprint with the rooms beside it that glazing shuts where they have no wall.
+
+    Glazing is drawn in two lines or more; a terrace's edge is one.
+    """
+    barrier = closed(walls, round(OPENINGS[0] * door) | 1) | closed(lines, 3) | inside
+    glazing = opened(closed(lines, round(GLAZING[1] * door)), max(3, round(GLAZING[0] * door)))
+    rooms = Cells.of(barrier, 0.0)
+    shut = rooms.bordering(grown(walls | glazing, 5)) > SHUT
+    shut &= (rooms.area > door * door) & ~rooms.outside
+    return _enclosed(inside | grown(rooms.pick(shut), 3), 0)
 
 
 def _enclosed(walls: Bits, reach: int) -> Bits:

@@ -20,6 +20,7 @@ SIZES = (0.5, 1.7)  # times the usual width
 ON_WALL = 0.3  # of a leaf's width: so near to a wall hinge and end lie
 CLEAR = 0.9  # of arc and leaf is inked: then the hinge may be farther from the wall,
 OFF_WALL = 0.55  # of a leaf's width, as a pivot's or one in a frame is,
+BUILT = 0.5  # of an arc lies in walls: no leaf's
 JAMB = 0.15  # of its width: where the shut leaf's end is so near to a wall
 
 
@@ -102,6 +103,8 @@ def choose_doors(
         arc = one.arc
         if not door * SIZES[0] <= arc.radius <= door * SIZES[1]:
             continue
+        if _on_walls(walls, arc) > BUILT:
+            continue
         ends = [_at(arc, arc.start), _at(arc, arc.start + arc.extent)]
         clear = arc.filled > CLEAR and max(one.drawn) > CLEAR
         clear &= min(_near(far, *end) for end in ends) < JAMB * arc.radius
@@ -127,6 +130,15 @@ def choose_doors(
 def _at(arc: Arc, angle: float) -> tuple[float, float]:
     """The point of an arc's circle at an angle."""
     return arc.x + arc.radius * cos(angle), arc.y + arc.radius * sin(angle)
+
+
+def _on_walls(walls: Bits, arc: Arc) -> float:
+    """Share of an arc that is a bent wall's edge or lies in a wall."""
+    turns = arc.start + np.linspace(0.1, 0.9, 40) * arc.extent
+    cols = np.rint(arc.x + arc.radius * np.cos(turns)).astype(np.int64)
+    rows = np.rint(arc.y + arc.radius * np.sin(turns)).astype(np.int64)
+    inside = (cols >= 0) & (cols < walls.shape[1]) & (rows >= 0) & (rows < walls.shape[0])
+    return float(walls[rows[inside], cols[inside]].sum()) / len(turns)
 
 
 def _near(far: Floats, x: float, y: float) -> float:

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
-from replay.drawing.cells import Cells
+from replay.drawing.cells import Cells, stacked
 from replay.drawing.ink import Bits, closed, grown, opened, straight
 
 LINE = 0.06  # door widths: no line is thicker
@@ -16,6 +17,8 @@ LETTER = 0.8  # door widths: smaller lone strokes are text, dots and ticks
 COLUMN = 0.13  # door widths: a solid rectangle of that side is a column, not a letter
 THINNEST = 0.04  # door widths: a wall of 3 cm
 HATCH = 0.22  # door widths: the widest slit of a hatching
+DIAMONDS = 60  # of a band: fewer are no crossed hatching
+DIAMOND = (0.35, 0.72)  # of its box that a square fills which stands on a corner
 DIAGONAL = 22.0  # degrees about 45 that a hatching may run
 BLOCK = 0.75  # door widths: what is thicker in both directions is furniture, stairs or paving
 BRIDGE = 4.0  # door widths: gaps between walls of one building, for windows and porches
@@ -24,6 +27,8 @@ ALL_BOLD = 0.7  # of the bent hollow bands' area: bold lines are what tells wall
 BOLD = 1.3  # times the usual line: the lines of walls where these are drawn bold
 ENDLESS = 40.0  # square door widths: a larger cell is a room, not the room in a wall
 BAND = 0.5  # door widths: but the wall about a building may be as large, being no wider
+FIGURES = 0.02  # of a cell is letters: then it is no wall; a dashed axis across one is less
+CAVITY = 0.5  # of narrow cells' area: where more lie side by side, these are cavity walls
 BOTH = 1.7  # of a band's length is drawn along its two sides
 ALIKE = 1.25  # ratio within which the widths of walls are alike
 GAP = 0.01  # of the ink: what a gap between the thickness of lines and of walls may hold
@@ -82,8 +87,8 @@ def find_walls(ink: Bits, door: float) -> tuple[Bits, dict[str, Bits]]:
     hatched = _hatched(ink, cells, solid, door)
     walls = solid | hatched
     if _is_hollow_style(ink, walls, line, door):
-        hollow = _hollow(ink, cells, walls, line, door)
-        hollow |= _open_bands(ink, cells, hollow, door)
+        hollow = _hollow(ink, cells, walls, layers["text"], line, door)
+        hollow |= _open_bands(ink, cells, hollow, layers["text"], door)
         walls = opened(walls | hollow | ink, side) & grown(walls | hollow, 2 * side + 1)
     walls = _with_cavities(ink, cells, walls, door, side)
     layers["hatching"] = hatched & (1 - solid)
@@ -92,11 +97,21 @@ def find_walls(ink: Bits, door: float) -> tuple[Bits, dict[str, Bits]]:
 
 
 def _hatched(ink: Bits, cells: Cells, solid: Bits, door: float) -> Bits:
-    """Bands filled by slanted slits between two lines."""
+    """Bands filled by slanted slits between two lines, or by the diamonds of crossed ones."""
     off = np.abs(np.abs(np.degrees(cells.angle)) - 45)
     slit = (cells.width <= HATCH * door) & (off < DIAGONAL) & (cells.long > 1.5 * cells.short)
     slit &= (cells.area < 0.4 * door * door) & (cells.long < 0.9 * door) & ~cells.outside
-    marks = cells.pick(slit)
+    stands = (cells.boxed > DIAMOND[0]) & (cells.boxed < DIAMOND[1])
+    diamond = stands & (cells.width <= HATCH * door) & (cells.long < 2 * cells.short)
+    diamond &= (cells.area < 0.015 * door * door) & (cells.area > 3) & ~cells.outside
+    return _bands(ink, cells, slit, door, 1) | _bands(ink, cells, diamond, door, DIAMONDS)
+
+
+def _bands(
+    ink: Bits, cells: Cells, marking: npt.NDArray[np.bool_], door: float, least: int
+) -> Bits:
+    """Bands a good part of which are marking cells, so many at least."""
+    marks = cells.pick(marking)
     tiny = cells.pick(
         (cells.width <= HATCH * door) & (cells.area < 0.4 * door * door) & ~cells.outside
     )
@@ -104,10 +119,11 @@ def _hatched(ink: Bits, cells: Cells, solid: Bits, door: float) -> Bits:
     band = opened((ink | marks | (tiny & near)) & near, max(3, round(0.07 * door)))
     band &= 1 - opened(band, round(BLOCK * door))
     count, labels, stats, _ = cv2.connectedComponentsWithStats(band, connectivity=8)
-    slits = np.array([0.0] * count)
-    centre = labels[(marks > 0) & (labels > 0)]
-    slits += np.bincount(centre, minlength=count)
-    good = (slits > 0.3 * stats[:, 4]) & (np.maximum(stats[:, 2], stats[:, 3]) > 0.5 * door)
+    marked = (marks > 0) & (labels > 0)
+    covered = np.bincount(labels[marked], minlength=count)
+    each = np.unique(np.column_stack((labels[marked], cells.labels[marked])), axis=0)
+    good = np.bincount(each[:, 0], minlength=count) >= least
+    good &= (covered > 0.3 * stats[:, 4]) & (np.maximum(stats[:, 2], stats[:, 3]) > 0.5 * door)
     good[0] = False
     return good.astype(np.uint8)[labels]
 
@@ -131,7 +147,7 @@ def _coarse(mask: Bits, factor: int) -> Bits:
     ).astype(np.uint8)
 
 
-def _hollow(ink: Bits, cells: Cells, solid: Bits, line: int, door: float) -> Bits:
+def _hollow(ink: Bits, cells: Cells, solid: Bits, text: Bits, line: int, door: float) -> Bits:
     """Cells between the two lines of a wall, told from windows and furniture by their lines.
 
     Where walls have a solid lining, cells along it and cells that turn a corner are wall. Where
@@ -156,12 +172,28 @@ def _hollow(ink: Bits, cells: Cells, solid: Bits, line: int, door: float) -> Bit
         return cells.pick(bent | lined)
     if float(cells.area[bold & bent].sum()) > ALL_BOLD * area["bent"]:
         return cells.pick(bold)
-    chosen = cells.pick(narrow & (cells.length > 2 * cells.width))
+    long = narrow & (cells.length > 2 * cells.width)
+    slim = (cells.width <= 0.5 * door) & (cells.length > 2 * cells.width)
+    slim &= cells.short <= 1.6 * cells.width + 2  # straight
+    panes = stacked(cells, slim, line) & long
+    if float(cells.area[panes].sum()) < CAVITY * float(cells.area[long].sum()):
+        long &= ~panes
+    long &= ~_lettered(cells, text)
+    chosen = cells.pick(long)
     return chosen & (1 - opened(chosen | ink, round(BLOCK * door)))
 
 
-def _open_bands(ink: Bits, cells: Cells, hollow: Bits, door: float) -> Bits:
-    """Walls whose two lines are not closed at the ends: long bands as wide as the other walls."""
+def _lettered(cells: Cells, text: Bits) -> npt.NDArray[np.bool_]:
+    """Which cells hold letters, as those between dimension lines do, and walls do not."""
+    figures = np.bincount(cells.labels[text > 0], minlength=len(cells.area))
+    return np.asarray(figures > FIGURES * cells.area)
+
+
+def _open_bands(ink: Bits, cells: Cells, hollow: Bits, text: Bits, door: float) -> Bits:
+    """Walls whose two lines are not closed at the ends: long bands as wide as the other walls.
+
+    Between dimension lines there are figures.
+    """
     walls = np.bincount(cells.labels[hollow > 0], minlength=len(cells.area)) > 0
     walls &= cells.length > LONG * door
     walls[0] = False
@@ -174,7 +206,8 @@ def _open_bands(ink: Bits, cells: Cells, hollow: Bits, door: float) -> Bits:
     alike = (bands.width > least / ALIKE) & (bands.width < most * ALIKE)
     alike &= (bands.length > 2 * LONG * door) & ~bands.outside
     drawn = bands.bordering(ink) * bands.edges()
-    return bands.pick(alike & (drawn > BOTH * bands.length))
+    alike &= (drawn > BOTH * bands.length) & ~_lettered(bands, text)
+    return bands.pick(alike)
 
 
 def _with_cavities(ink: Bits, cells: Cells, walls: Bits, door: float, side: int) -> Bits:

@@ -9,8 +9,10 @@ from replay.drawing.ink import (
     binarise,
     closed,
     directions,
+    noise,
     opened,
     opened_by,
+    paper_tone,
     shrunk,
     straight,
     tones,
@@ -43,9 +45,9 @@ def test_closing_fills_a_gap_and_does_not_glue_to_the_edge() -> None:
 
 def test_faint_grey_hatching_is_ink_and_the_grain_of_a_scan_is_not() -> None:
     gray = np.full((100, 100), 255, dtype=np.uint8)
-    gray[10:20] = 119
-    gray[30:40] = 187
-    assert binarise(gray).sum() == 2000
+    gray[10:15] = 119
+    gray[30:35] = 187
+    assert binarise(gray).sum() == 1000
     rng = np.random.default_rng(1)
     scan = (255 - rng.integers(0, 12, (100, 100))).astype(np.uint8)
     scan[10:20] = 20
@@ -96,3 +98,33 @@ def test_the_normal_of_a_line_lies_across_it() -> None:
     nx, ny, sure = directions(mask, np.array([40]), np.array([50]))
     assert sure[0] > 0.9
     assert abs(nx[0] * 80 + ny[0] * 40) / np.hypot(80, 40) < 0.03
+
+
+def test_coloured_floors_are_paper_and_what_is_drawn_on_them_is_ink() -> None:
+    gray = np.full((300, 400), 255, dtype=np.uint8)
+    gray[50:250, 50:350] = 225
+    gray[50:250, 200:350] = 190
+    gray[100, 60:340] = 60
+    gray[150:156, 60:340] = 40
+    wanted = np.zeros_like(gray)
+    wanted[100, 60:340], wanted[150:156, 60:340] = 1, 1
+    assert (binarise(gray) == wanted).all()
+    assert paper_tone(gray) == 190
+
+
+def test_the_shaded_side_of_a_noisy_scan_is_paper() -> None:
+    rng = np.random.default_rng(4)
+    paper = 240 - 30 * np.linspace(0, 1, 400)[None, :] + rng.normal(0, 7, (300, 400))
+    gray = np.clip(paper, 0, 255).astype(np.uint8)
+    gray[100:110] = 50
+    assert noise(gray) == pytest.approx(7, abs=1)
+    ink = binarise(gray)
+    assert ink[100:110].all()
+    assert ink.sum() < 4000 + 100
+
+
+def test_dark_walls_are_no_floor_however_thick() -> None:
+    gray = np.full((200, 200), 255, dtype=np.uint8)
+    gray[50:150, 50:150] = 140
+    assert paper_tone(gray) == 255
+    assert binarise(gray).sum() == 10_000

@@ -6,6 +6,7 @@ import pytest
 
 from replay.drawing import extract
 from replay.planning.scores import score_doors, score_hinges, score_walls
+from scripts.styled import STYLES
 from tests.drawings import DOOR, Sheet, flat
 
 
@@ -117,3 +118,43 @@ def test_walls_of_two_lines_that_are_open_at_their_ends_are_solid() -> None:
     false = walls & ~cv2.dilate(truth.astype(np.uint8), np.ones((7, 7))).astype(np.bool_)
     assert missed.sum() < 0.03 * truth.sum()
     assert false.sum() < 0.03 * truth.sum()
+
+
+STYLED = (
+    "coloured rooms",
+    "hollow, double lines",
+    "cross-hatched",
+    "thin hollow, dimensioned",
+    "hollow, turned by 7 degrees",
+)
+
+
+@pytest.mark.parametrize("style", STYLED)
+def test_the_drawing_style_does_not_matter(style: str) -> None:
+    sheet = STYLES[style]()
+    found = extract(sheet.gray)
+    assert score_walls(found.walls, sheet.walls).f1_3px > 0.98
+    assert score_doors(found.doors, [door.sector() for door in sheet.doors]).f1 > 0.94
+
+
+def test_the_outline_holds_a_room_with_a_glazed_front_and_no_terrace() -> None:
+    sheet = Sheet.of(700, 1100)
+    for box in ((100, 100, 900, 118), (100, 100, 118, 500), (100, 482, 900, 500)):
+        sheet.wall(*box)
+    sheet.wall(500, 100, 518, 500)
+    for x in (880, 888, 898):  # the room on the right is shut by glass alone
+        cv2.line(sheet.gray, (x, 118), (x, 482), 0, 1)
+    cv2.line(sheet.gray, (100, 640), (500, 640), 0, 1)  # a terrace below
+    for x in (100, 500):
+        cv2.line(sheet.gray, (x, 500), (x, 640), 0, 1)
+    outline = extract(sheet.gray, resolution=0.012).outline
+    assert outline[300, 300]
+    assert outline[300, 700]
+    assert not outline[570, 300]
+    assert not outline[300, 1000]
+
+
+def test_a_round_wall_in_two_lines_is_no_door() -> None:
+    sheet = STYLES["hollow, curved and slanted"]()
+    bay = [d for d in extract(sheet.gray).doors if d.hinge[1] < 145 and d.opened[1] < 145]
+    assert bay == []
