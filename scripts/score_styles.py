@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 
 from replay.drawing import Method, extract
-from replay.plan_pictures import overlay
-from replay.plan_scores import score_doors, score_walls
+from replay.planning.pictures import overlay
+from replay.planning.scores import score_doors, score_walls
 from scripts.styled import STYLES, Sheet
 
 METHODS: tuple[Method, ...] = ("structural", "georgiou")
