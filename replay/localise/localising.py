@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Unpack
 
 import numpy as np
@@ -15,7 +15,7 @@ from formats.streaming.drive import Drive
 from replay.localise.estimate import Estimate
 from replay.localise.field import Field, build_field
 from replay.localise.options import DEFAULTS, Options
-from replay.localise.poses import Poses, carried, compose, inverse
+from replay.localise.poses import Poses, carried, compose, inverse, joined
 from replay.localise.slam import fastslam, match_scans
 from replay.localise.tracking import Sighting, Track, on_plan
 
@@ -82,10 +82,10 @@ def localise(
     chosen: Options = {**DEFAULTS, **options}
     ground, frame = (build_field(plan, notes), plan.frame) if plan is not None else (None, HERE)
     mount = np.repeat([drive.choice.sensor_pose], len(drive), axis=0)
-    odometry: Floats | None = compose(drive.poses, inverse(mount))
+    odometry: Floats | None = joined(drive.times_ns, compose(drive.poses, inverse(mount)))
     if drive.choice.source.kind == "nothing":
         odometry = None
-    begin = None
+    begin, found = None, None
     if start is not None:
         spread = np.diag([0.25, 0.25, (np.pi / 12) ** 2]) if covariance is None else covariance
         begin = _turned(frame.inverse(), start, spread)
@@ -99,6 +99,9 @@ def localise(
             at = min(found.settled, len(found.times_ns) - 1)
             begin = Estimate(Pose(*found.poses[0].tolist()), found.covariances[at])
     track = LOCALISERS[method].find(_Sightings(drive, odometry), ground, begin, seed, chosen)
+    if found is not None and begin is not None and not found.ever:
+        # All of the way is known to itself only.
+        track = replace(track, covariances=track.covariances + begin.covariance, doubt=found.doubt)
     body = _body(drive, odometry, track)
     _tell(drive, notes, method, track)
     rows = np.searchsorted(drive.times_ns, track.times_ns)
@@ -125,7 +128,10 @@ def _body(drive: Drive, odometry: Floats | None, track: Track) -> Floats:
 
 def _tell(drive: Drive, notes: Notes, method: str, track: Track) -> None:
     path = drive.log.path
-    if track.settled < len(track.times_ns):
+    if track.doubt:
+        problem = f"{method} cannot tell where it is on this plan: {track.doubt}; it may be another"
+        notes.warn(path, f"{problem} building's, or wrongly scaled; the map may be wrong")
+    elif track.settled < len(track.times_ns):
         seconds = (int(track.times_ns[track.settled]) - int(drive.times_ns[0])) / 1e9
         notes.info(path, f"poses from {method}, certain after {seconds:.1f} s")
     else:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
 from formats.frame import Floats
+from formats.streaming.clock import SECOND
+from formats.streaming.track import JUMP_M, JUMP_RAD, JUMP_SPEED, JUMP_TURN
 
 Times = npt.NDArray[np.int64]
 Rows = npt.NDArray[np.intp]
@@ -50,6 +53,36 @@ def inverse(a: Floats) -> Floats:
     c, s = np.cos(a[:, 2]), np.sin(a[:, 2])
     x = -c * a[:, 0] - s * a[:, 1]
     return np.stack([x, s * a[:, 0] - c * a[:, 1], -a[:, 2]], axis=1)
+
+
+def joined(times_ns: Times, odometry: Floats) -> Floats:
+    """Odometry whose teleports are taken out: what comes after goes on as before, by another step.
+
+    A counter that was set back, or an origin that was moved, moves no robot. What is a teleport is
+    what the log's poses are not interpolated over.
+
+    Args:
+        times_ns: (m,) ascending.
+        odometry: (m, 3).
+
+    Returns:
+        (m, 3), the same array where there are none.
+    """
+    step, turn = np.diff(odometry, axis=0)[:, :2], np.diff(odometry[:, 2])
+    far, turned = np.hypot(step[:, 0], step[:, 1]), np.abs(np.arctan2(np.sin(turn), np.cos(turn)))
+    seconds = np.diff(times_ns) / SECOND
+    jumped = (far > JUMP_M) & (far > JUMP_SPEED * seconds)
+    jumped |= (turned > JUMP_RAD) & (turned > JUMP_TURN * seconds)
+    starts = np.flatnonzero(jumped) + 1
+    if not starts.size:
+        return odometry
+    out = odometry.copy()
+    for start, end in pairwise([*starts.tolist(), len(out)]):
+        last = out[start - 1 : start]
+        on = compose(inverse(out[start - 2 : start - 1]), last) if start > 1 else 0.0 * last
+        shift = compose(compose(last, on), inverse(odometry[start : start + 1]))
+        out[start:end] = compose(np.repeat(shift, end - start, axis=0), odometry[start:end])
+    return out
 
 
 def carried(times_ns: Times, odometry: Floats, updates: Rows, estimates: Floats) -> Floats:

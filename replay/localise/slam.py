@@ -10,7 +10,7 @@ of the reading, and particles are resampled when they have become unequal (Neff 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from math import hypot
+from math import hypot, pi
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -71,6 +71,7 @@ def match_scans(
     """
     maps, track = maps_on(ground, 1), _Recorded()
     pose, step, last, kept = HERE, HERE, None, None
+    covariance: Floats = np.zeros((3, 3))
     for one in looked(sightings, options):
         if last is None:
             pose, deviations = _first(one, ground, start)
@@ -90,7 +91,8 @@ def match_scans(
         if kept is None or one.odometry is not None or moved_on(kept, pose, options):
             kept = pose
             insert(maps, found.pose[None], one.whole)
-        track.add(one.time_ns, found.pose, np.linalg.inv(found.information), 1)
+        covariance = _updated(covariance, deviations, found)
+        track.add(one.time_ns, found.pose, covariance, 1)
     return track.finished()
 
 
@@ -268,6 +270,14 @@ def _moved(last: Looked, one: Looked) -> Pose | None:
     return last.odometry.inverse() @ one.odometry
 
 
+def _updated(covariance: Floats, deviations: Floats, found: Match) -> Floats:
+    """As a Kalman filter's: where matches say nothing, sureness is lost with every step."""
+    before = np.linalg.inv(covariance + np.diag(deviations**2.0))
+    told = found.information - np.diag(deviations**-2.0)
+    after = np.linalg.inv(before + told).astype(np.float64)
+    return 0.5 * (after + after.T)
+
+
 def _deviations(last: Looked, one: Looked, options: Options) -> Floats:
     """(3,) of the step between two sightings: m, m, rad; the same along and across."""
     if last.odometry is None or one.odometry is None:
@@ -275,5 +285,6 @@ def _deviations(last: Looked, one: Looked, options: Options) -> Floats:
     alphas = Alphas(*(options[f"alpha{i}"] for i in (1, 2, 3, 4)))  # type: ignore[literal-required]
     move = move_between(last.odometry, one.odometry)
     turn, way, after = spreads(move, alphas)
-    place = max(LEAST_M, hypot(way, move.way * turn))
-    return np.array([place, place, max(LEAST_RAD, hypot(turn, after))])
+    # However the heading is off, the place is not by more than twice the way.
+    place = max(LEAST_M, hypot(way, move.way * min(turn, 2.0)))
+    return np.array([place, place, min(max(LEAST_RAD, hypot(turn, after)), pi)])

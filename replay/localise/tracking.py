@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import hypot
 from typing import NamedTuple
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from formats.frame import Floats, Pose, Scan
 from replay.localise.amcl import Amcl, Parameters
+from replay.localise.doubt import STAYED, fit_of, unsure
 from replay.localise.estimate import Estimate, settled
 from replay.localise.field import Field
 from replay.localise.likelihood import UNIT, BeamModel, LikelihoodField, Model, Reading, pick
@@ -48,12 +49,15 @@ class Track:
         poses: (k, 3) of the body in the plan's own frame.
         covariances: (k, 3, 3).
         particles: (k,) how many there were.
+        doubt: what speaks against the plan, "" where nothing does; the covariances are then of
+            being anywhere.
     """
 
     times_ns: Times
     poses: Floats
     covariances: Floats
     particles: Times
+    doubt: str = ""
 
     @property
     def settled(self) -> int:
@@ -71,6 +75,11 @@ class Track:
         return Track(
             self.times_ns[::-1], self.poses[::-1], self.covariances[::-1], self.particles[::-1]
         )
+
+    @property
+    def stayed(self) -> float:
+        """Share of the updates at which the particles agree."""
+        return float(np.mean([settled(covariance) for covariance in self.covariances]))
 
 
 class Used(NamedTuple):
@@ -104,14 +113,31 @@ def amcl(
     that the filter went. A corridor that looks the same from both ends is told apart only where
     the robot leaves it, so that the whole drive is also localised from its end; where the two
     tracks lie apart, the one from which the readings fit better is taken.
+
+    Particles gather on any plan: where the readings do not fit the plan from the track, or the
+    particles agreed for moments only, the track is doubted.
     """
-    if start is not None:
-        return _track(*_followed(gated(sightings, options), field, start, seed, options))
     used = list(gated(sightings, options))
+    if start is not None:
+        found = _track(*_followed(used, field, start, seed, options))
+    else:
+        found = _better(used, field, seed, options)
+    doubt = fit_of(field, found.poses, (one.reading for one in used)).doubt
+    if start is None and found.ever and found.stayed < STAYED:
+        doubt = doubt or f"it was certain at {found.stayed:.0%} of its updates only"
+    if not (doubt and found.ever):
+        return found
+    return replace(found, covariances=unsure(field, found.poses), doubt=doubt)
+
+
+def _better(used: list[Used], field: Field, seed: int, options: Options) -> Track:
+    """From the start or from the end: where they lie apart, the track that the readings fit."""
     ahead = _track(*_followed(used, field, None, seed, options))
     behind = _track(*_followed(used[::-1], field, None, seed + 2, options)).reversed()
-    if not behind.ever or (ahead.ever and _apart(ahead, behind) < APART):
+    if not behind.ever:
         return ahead
+    if ahead.ever and _apart(ahead, behind) < APART:
+        return ahead if ahead.stayed >= STAYED else max(ahead, behind, key=lambda one: one.stayed)
     if not ahead.ever or _misfit(behind, used, field, options) < BETTER * _misfit(
         ahead, used, field, options
     ):

@@ -112,6 +112,41 @@ def test_never_certain_is_a_warning(plan: Plan) -> None:
     assert [note.kind for note in notes if "never was certain" in note.problem] == ["warning"]
 
 
+@pytest.mark.parametrize("method", ["match", "fastslam"])
+def test_what_starts_where_nothing_is_certain_is_never_certain(plan: Plan, method: str) -> None:
+    """Scans lie well on the map of those before, but where that lies on the plan nobody knows."""
+    truth = [Pose(2.0, 1.4, 0.0)] * 3
+    found = survey(log_of(truth).opened(), Notes())
+    poses = localise(found, plan, method=method, effective_beams=0.01, particles=3)
+    assert poses.settled == len(found)
+
+
+@pytest.mark.parametrize("method", LOCALISERS)
+def test_a_counter_that_is_set_back_moves_no_robot(plan: Plan, method: str) -> None:
+    """Half way odometry begins anew elsewhere."""
+    truth = way(TOUR)
+    log = RosLog()
+    log.static("base_link", "laser", tuple(MOUNT))
+    said = drifting(truth)
+    half = len(truth) // 2
+    for k, sighting in enumerate(drive(OFFICE, truth, said)):
+        pose = said[k] if k < half else Pose(400.0, 300.0, 1.0) @ said[half].inverse() @ said[k]
+        log.tf(k / 10, "odom", "base_link", tuple(pose))
+        ranges = sighting.scan.ranges
+        log.scan(
+            k / 10,
+            ranges,
+            angle_min=-0.75 * pi,
+            increment=1.5 * pi / 89,
+            range_min=0.05,
+            range_max=12.0,
+        )
+    found = survey(log.opened(), Notes())
+    start = ORIGIN @ truth[0]
+    poses = localise(found, plan, method=method, start=start, covariance=np.eye(3) * 1e-4)
+    assert off(poses, truth)[0].max() < 0.3
+
+
 def test_every_localiser_is_tested() -> None:
     assert set(LOCALISERS) == {"amcl", "match", "fastslam"}  # the others: test_slam.py
 

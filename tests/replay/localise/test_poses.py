@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from formats.frame import Floats, Pose
-from replay.localise.poses import carried, compose, inverse
+from replay.localise.poses import carried, compose, inverse, joined
 
 
 def poses(count: int, seed: int = 0) -> Floats:
@@ -49,3 +49,28 @@ def test_headings_are_shared_the_short_way_round() -> None:
         times, odometry, np.array([0, 2]), np.array([[0, 0, pi - 0.1], [0, 0, 0.1 - pi]])
     )
     assert abs(found[1, 2]) == pytest.approx(pi)
+
+
+def test_a_teleport_is_taken_for_another_step_like_the_one_before() -> None:
+    """By hand: half a metre a step along x; then the counter is at 10, 20 and goes up along y."""
+    times = np.arange(6) * 100_000_000
+    turned = pi / 2
+    odometry = np.array(
+        [
+            [0.0, 0.0, 0.0],
+            [0.5, 0.0, 0.0],
+            [1.0, 0.0, 0.0],
+            [10.0, 20.0, turned],
+            [10.0, 20.5, turned],
+            [10.0, 21.0, turned],
+        ]
+    )
+    expected = np.column_stack([np.arange(6) * 0.5, np.zeros(6), np.zeros(6)])
+    assert joined(times, odometry) == pytest.approx(expected)
+    assert joined(times[:3], odometry[:3]) == pytest.approx(odometry[:3])
+    # 22 m in 20 s is a drive.
+    slow = np.array([0, 1, 2, 22, 23, 24]) * 1_000_000_000
+    assert np.array_equal(joined(slow, odometry), odometry)
+    # Nothing is known of a step before the first.
+    begun = joined(times[:3], odometry[2:5])
+    assert begun == pytest.approx(np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.5, 0.0, 0.0]]))

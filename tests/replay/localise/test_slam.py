@@ -165,6 +165,31 @@ def test_a_gap_is_bridged_by_odometry() -> None:
     assert off(track).max() < 0.15
 
 
+def test_sureness_is_lost_where_nothing_is_seen() -> None:
+    """Variances of steps add up, of which the least is 3 cm: by hand."""
+    some = [blind(one) for one in sightings()]
+    track = match_scans(some, None, None, 0, options())
+    spread = np.sqrt(track.covariances[:, 0, 0])
+    assert (np.diff(spread) > 0.0).all()
+    assert spread[-1] >= 0.03 * np.sqrt(len(spread) - 1)
+    seen = match_scans(sightings(), None, None, 0, options())
+    assert np.sqrt(seen.covariances[-1, 0, 0]) < 0.5 * spread[-1]
+
+
+@pytest.mark.parametrize("found", [match_scans, fastslam])
+def test_a_long_way_between_two_scans_makes_no_map_beyond_it(found: Any) -> None:
+    """Carried 2 km off: however the heading is off, the place is not by more than the way."""
+    some = sightings()[:40]
+    far = [
+        one._replace(odometry=Pose(2000.0, 0.0, 0.0) @ one.odometry) if k >= 20 else one
+        for k, one in enumerate(some)
+        if one.odometry is not None
+    ]
+    track = found(far, None, None, 0, options(particles=4))
+    assert np.isfinite(track.poses).all()
+    assert np.abs(track.poses).max() < 20_000.0
+
+
 def test_nothing_in_nothing_out() -> None:
     for found in (match_scans, fastslam):
         assert len(found([], None, None, 0, options(particles=3)).times_ns) == 0
