@@ -174,6 +174,13 @@ def test_empty_evidence_of_a_large_lattice_is_not_resident() -> None:
     assert (int(status.read_text().split()[1]) - before) * 4096 < 20e6
 
 
+def test_a_window_of_a_lattice_by_hand() -> None:
+    """Rows 2 to 5 and columns 1 to 7 of a lattice at (-1, 3) begin at (-0.5, 4)."""
+    part = Geometry(10, 20, 0.5, -1.0, 3.0).window(slice(2, 5), slice(1, 7))
+    assert part == Geometry(3, 6, 0.5, -0.5, 4.0)
+    assert part.extent == (-0.5, 4.0, 2.5, 5.5)
+
+
 def test_covering_by_hand() -> None:
     assert Geometry.covering(-0.12, 0.0, 0.3, 0.2, 0.1) == Geometry(2, 5, 0.1, -0.2, 0.0)
     assert Geometry.covering(0.3, 0.3, 0.6, 0.6, 0.1).shape == (3, 3)  # 0.3 / 0.1 is 2.99...96

@@ -149,7 +149,7 @@ FAULTS: list[tuple[str, str | bytes, str, str]] = [
     ("text", "place", "words"), [f[1:] for f in FAULTS], ids=[f[0] for f in FAULTS]
 )
 def test_faults(text: str | bytes, place: str, words: str) -> None:
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(FormatError) as caught:
         read(text)
     line = str(caught.value)
@@ -157,7 +157,7 @@ def test_faults(text: str | bytes, place: str, words: str) -> None:
     assert words in line
     assert "\n" not in line
     assert caught.value.exit_code == 1
-    assert time.perf_counter() - start < 2
+    assert time.process_time() - start < 2
 
 
 def test_there_are_at_least_the_27_faults() -> None:
@@ -169,10 +169,10 @@ def test_an_alias_bomb_is_refused_at_once() -> None:
     lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x]"]
     for i in range(1, 9):
         lines.append(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]")
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(FormatError, match=r"map\.yaml:2:10: alias \*a0 is refused"):
         read("\n".join(lines))
-    assert time.perf_counter() - start < 1
+    assert time.process_time() - start < 1
 
 
 def test_unknown_keys_are_said_and_ignored() -> None:

@@ -147,13 +147,13 @@ def check_damage(variant: str, seed: int) -> str:
         path.write_bytes(whole)
         expected, _ = read(path)
         path.write_bytes(damaged(whole, seed))
-        begin = time.monotonic()
+        begin = time.process_time()
         try:
             found, notes = read(path)
         except FormatError:
             return "error"
         finally:
-            assert time.monotonic() - begin < 20
+            assert time.process_time() - begin < 20
     if found == expected:
         return "same"
     if variant in PROTECTED:

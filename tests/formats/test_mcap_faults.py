@@ -194,9 +194,9 @@ def test_9_bombs_stop_at_the_limit(compression: str, claim: int, tmp_path: Path)
         assert [m.time_ns for m in log.messages()] == AROUND
         assert notes.total("lost") == 1
 
-    begin = time.monotonic()
+    begin = time.process_time()
     assert peak_of(job) < 30 * MIB
-    assert time.monotonic() - begin < 10
+    assert time.process_time() - begin < 10
 
 
 def test_9_a_larger_limit_reads_a_large_chunk(tmp_path: Path) -> None:
@@ -216,11 +216,11 @@ def test_9_a_larger_limit_reads_a_large_chunk(tmp_path: Path) -> None:
     ids=["opcode 0", "empty messages", "empty extensions", "empty unknown records"],
 )
 def test_9_traps_of_empty_records_end_soon(trap: bytes, tmp_path: Path) -> None:
-    begin = time.monotonic()
+    begin = time.process_time()
     _, notes, times = opened(tmp_path, amid(chunk([message(1, 15), trap])))
     assert times == sorted([*AROUND, 15])
     assert notes.total("lost") > 0
-    assert time.monotonic() - begin < 20
+    assert time.process_time() - begin < 20
 
 
 ATTACHMENT = struct.pack("<QQ", 0, 0) + b"\1\0\0\0a\1\0\0\0b"

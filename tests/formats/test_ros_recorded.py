@@ -255,13 +255,13 @@ HOSTILE = {
 def test_hostile_definition_costs_its_topic_only(what: str, form: str) -> None:
     topic = Topic("/scan", LASER, "cdr", HOSTILE[what].encode(), form)
     payload = b"\0\1\0\0" + b"\xff\xff\x03\0" + bytes(4_000_000)
-    start = time.perf_counter()
+    start = time.process_time()
     if form == "ros2idl":  # text without a structure says nothing about the type
         translator(topic) if len(topic.definition) < 2**18 else None
     else:
         with pytest.raises(Undecodable):
             decode(topic, payload)
-    assert time.perf_counter() - start < 2.0
+    assert time.process_time() - start < 2.0
 
 
 @given(st.text(max_size=200), st.sampled_from(["ros2msg", "ros2idl"]), st.binary(max_size=100))

@@ -208,6 +208,6 @@ def test_many_lookups_are_quick_enough_for_a_long_log() -> None:
     n = 36_000
     for k in range(n):
         tf.add([Transform(k * 20_000_000, "odom", "base", IDENTITY)], k, static=False)
-    start = time.perf_counter()
+    start = time.process_time()
     assert tf.lookup("odom", "base", np.arange(n - 1) * 20_000_000 + 1).valid.all()
-    assert time.perf_counter() - start < 1.0
+    assert time.process_time() - start < 1.0

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import log
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -12,7 +14,7 @@ from hypothesis import strategies as st
 from formats.errors import UsageError
 from formats.grid import Evidence, Geometry
 from replay.cells import CellLayers, Rule
-from replay.prior import breaks_e13, build_prior, no_prior, used
+from replay.prior import breaks_e13, build_prior, informative, no_prior, used
 
 GEOMETRY = Geometry(1, 5, 0.05, 0.0, 0.0)
 # space, a quarter wall, three quarters wall, outside, ink outside
@@ -125,3 +127,60 @@ def test_what_equation_13_is_about() -> None:
         prior = build_prior(LAYERS, p_wall)
         after = hits.on(prior, (0.1, 0.9), "paper")
         assert bool(after.values[0, 2] > odds(0.1)) == emptier
+
+
+# a door in space, a door in a cell with wall, a window in wall; shares of 1 % count
+OPENINGS = {
+    "door": np.array([[0.01, 1.0, 0.0, 0.0, 0.0]]),
+    "window": np.array([[0.0, 0.0, 0.01, 0.0, 0.0]]),
+}
+
+
+def opened(**options: float | None) -> list[float]:
+    row: list[float] = informative(LAYERS, OPENINGS, **options).values[0].tolist()  # type: ignore[arg-type]
+    return row
+
+
+def test_openings_are_space_and_wall_unless_they_have_values() -> None:
+    assert opened() == values()
+    assert informative(LAYERS, {}, p_door=0.3, p_window=0.4).values[0].tolist() == values()
+
+
+def test_doors_and_windows_by_hand() -> None:
+    """0.6 and 0.5 times 0.9 are 0.54 and 0.45; wall in a door's cell shuts it."""
+    wall, space = odds(0.18), odds(0.81)
+    assert opened(p_door=0.6) == pytest.approx([odds(0.54), wall, wall, 0.0, wall])
+    assert opened(p_window=0.5) == pytest.approx([space, wall, odds(0.45), 0.0, wall])
+    unscaled = opened(p_door=0.6, p_window=0.5, prior_scale=1.0)
+    expected = [odds(0.6), odds(0.2), odds(0.5), 0.0, odds(0.2)]
+    assert unscaled == pytest.approx(expected)
+
+
+def test_a_door_s_cell_is_shut_by_the_rule_of_the_walls() -> None:
+    """A quarter of wall is none by the majority, so the door of that cell is open."""
+    row = informative(LAYERS, OPENINGS, cell_rule="majority", p_door=0.6).values[0].tolist()
+    assert row[:3] == pytest.approx([odds(0.54), odds(0.54), odds(0.18)])
+
+
+def test_confidence_scales_log_odds_of_the_building_alone() -> None:
+    trust: npt.NDArray[np.float64] = np.array([[0.5, 0.25, 1.0, 0.5, 0.5]])
+    layers = replace(LAYERS, confidence=trust)
+    row = informative(layers, {}, p_outside=0.3).values[0].tolist()
+    outside = LAYERS.outside[0].tolist()
+    before = values(p_outside=0.3)
+    expected = [
+        value if out else value * share
+        for value, out, share in zip(before, outside, trust[0].tolist(), strict=True)
+    ]
+    assert outside[3]
+    assert not outside[0]
+    assert row == pytest.approx(expected)
+    assert row[0] == pytest.approx(odds(0.81) / 2)
+    assert row[3] == pytest.approx(odds(0.3))
+
+
+@pytest.mark.parametrize("scale", [1.01, 2.0, float("nan")])
+def test_no_scale_above_one(scale: float) -> None:
+    with pytest.raises(UsageError):
+        used(0.5, scale)
+    assert used(0.5, 1.0) == 0.5
