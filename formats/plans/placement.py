@@ -9,11 +9,9 @@ pixels: x right, y down, pixel centres at whole numbers.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import atan2, hypot, isfinite
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -22,10 +20,12 @@ import numpy.typing as npt
 from formats.errors import FormatError
 from formats.errors import Path as AnyPath
 from formats.frame import Pose
-from formats.output import write_text
+from formats.small_json import Kind, read_small_json, write_small_json
 
-FORMAT, VERSION = "replay placement", 1
-LARGEST = 1_000_000  # bytes: a placement has a few hundred
+KIND = Kind(
+    *("replay placement", 1, "is no placement of a plan"),
+    hint="give the JSON file that `replay align` wrote",
+)
 SKEWED = 1e-3  # of the scale: how far from a similarity a matrix may be
 
 
@@ -98,15 +98,13 @@ def write_placement(
     """
     value = {
         **placement.facts,
-        "format": FORMAT,
-        "version": VERSION,
         "unit": placement.unit,
         "matrix": placement.matrix.tolist(),
         "confident": placement.confident,
         "plan": {"name": placement.plan, "sha256": placement.plan_sha256},
         "source": placement.source,
     }
-    write_text(path, json.dumps(value, indent=1) + "\n", force=force, inputs=inputs)
+    write_small_json(path, KIND, value, force=force, inputs=inputs)
 
 
 def read_placement(path: AnyPath) -> Placement:
@@ -115,18 +113,12 @@ def read_placement(path: AnyPath) -> Placement:
     Raises:
         FormatError: not readable, no placement, of a later version, or not a similarity.
     """
-    value = _object(Path(path))
-    if value.get("format") != FORMAT:
-        hint = "give the JSON file that `replay align` wrote"
-        raise FormatError(path, "is no placement of a plan", hint=hint)
-    if value.get("version") != VERSION:
-        found = value.get("version")
-        raise FormatError(path, f"is of version {found!r}; this program reads {VERSION}")
+    value = read_small_json(path, KIND)
     if value.get("unit") not in ("metres", "pixels"):
         raise FormatError(path, f"its unit is {value.get('unit')!r}, not metres or pixels")
     plan = value.get("plan")
     said = plan if isinstance(plan, dict) else {}
-    known = {"format", "version", "unit", "matrix", "confident", "plan", "source"}
+    known = {"unit", "matrix", "confident", "plan", "source"}
     return Placement(
         _matrix(path, value.get("matrix")),
         value["unit"],
@@ -136,21 +128,6 @@ def read_placement(path: AnyPath) -> Placement:
         str(value.get("source", "")),
         {name: v for name, v in value.items() if name not in known},
     )
-
-
-def _object(path: Path) -> dict[str, Any]:
-    """The JSON object in a file."""
-    try:
-        if path.stat().st_size > LARGEST:
-            raise FormatError(path, "is too large for a placement")
-        value = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise FormatError(path, f"cannot be read: {error.strerror or error}") from None
-    except (ValueError, RecursionError):
-        raise FormatError(path, "is not JSON") from None
-    if not isinstance(value, dict):
-        raise FormatError(path, "is no placement of a plan")
-    return value
 
 
 def _matrix(path: AnyPath, rows: object) -> npt.NDArray[np.float64]:

@@ -10,19 +10,19 @@ be left out but p_wall and p_space. `source` says where they came from, in any w
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from formats.errors import FormatError
 from formats.errors import Path as AnyPath
 from formats.grid import Update
-from formats.output import write_text
+from formats.small_json import Kind, read_small_json, write_small_json
 
-FORMAT, VERSION = "replay prior values", 1
-LARGEST = 1_000_000  # bytes: such a file has a few hundred
+KIND = Kind(
+    *("replay prior values", 1, "holds no values of a prior"),
+    hint="give the JSON file that `replay tune` wrote",
+)
 NEEDED = ("p_wall", "p_space")
 NUMBERS = (*NEEDED, "p_door", "p_window", "p_outside", "prior_scale", "p_hit", "p_miss")
 UPDATES: tuple[Update, ...] = ("bayes", "paper")
@@ -69,13 +69,8 @@ def write_prior_values(
     Raises:
         FormatError: it cannot be written.
     """
-    value = {
-        "format": FORMAT,
-        "version": VERSION,
-        **values.options(),
-        "source": dict(values.source),
-    }
-    write_text(path, json.dumps(value, indent=1) + "\n", force=force, inputs=inputs)
+    value = {**values.options(), "source": dict(values.source)}
+    write_small_json(path, KIND, value, force=force, inputs=inputs)
 
 
 def read_prior_values(path: AnyPath) -> PriorValues:
@@ -85,14 +80,8 @@ def read_prior_values(path: AnyPath) -> PriorValues:
         FormatError: not readable, no such file of ours, of a later version, an unknown name, or a
             number that is no probability.
     """
-    value = _object(Path(path))
-    if value.get("format") != FORMAT:
-        hint = "give the JSON file that `replay tune` wrote"
-        raise FormatError(path, "holds no values of a prior", hint=hint)
-    if value.get("version") != VERSION:
-        found = value.get("version")
-        raise FormatError(path, f"is of version {found!r}; this program reads {VERSION}")
-    known = {"format", "version", *NUMBERS, "update", "source"}
+    value = read_small_json(path, KIND)
+    known = {*NUMBERS, "update", "source"}
     for name in value.keys() - known:
         raise FormatError(path, f"there is no value {name!r}", hint=f"known: {', '.join(NUMBERS)}")
     for name in NEEDED:
@@ -118,18 +107,3 @@ def _probability(path: AnyPath, name: str, value: object) -> float:
     if name == "prior_scale" and value == 0:
         raise FormatError(path, "prior_scale is 0, which leaves no prior")
     return float(value)  # type: ignore[arg-type]
-
-
-def _object(path: Path) -> dict[str, Any]:
-    """The JSON object in a file."""
-    try:
-        if path.stat().st_size > LARGEST:
-            raise FormatError(path, "is too large to hold the values of a prior")
-        value = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise FormatError(path, f"cannot be read: {error.strerror or error}") from None
-    except (ValueError, RecursionError):
-        raise FormatError(path, "is not JSON") from None
-    if not isinstance(value, dict):
-        raise FormatError(path, "holds no values of a prior")
-    return value
