@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from formats.errors import Notes
+from replay.cli.flags import force_flag, given
 from replay.cli.values import POSITIVE, PoseType, answer, ending, say
 
 
@@ -75,7 +76,7 @@ class ScaleType(click.ParamType[Any]):
     type=click.Path(path_type=Path),
     help="The overlay; the placement's name with .png by default.",
 )
-@click.option("--force", is_flag=True, help="Replace outputs that exist.")
+@force_flag
 @click.option(
     "--json",
     "as_json",
@@ -139,7 +140,7 @@ def command(
         picture = picture or output.with_suffix(".png")
     elif output is not None:
         picture = picture or output.with_suffix(".png")
-    chosen = {name: value for name, value in options.items() if value is not None}
+    chosen = given(options)
     chosen["mirrored"] = {"auto": None, "yes": True, "no": False}[mirror]
     try:
         found = align_files(source, output=output, picture=picture, notes=notes, **chosen)

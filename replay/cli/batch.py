@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from replay.cli.flags import given, json_flag
 from replay.cli.run import command as of_run
 from replay.cli.values import POSITIVE, answer
 
@@ -51,7 +52,7 @@ def options_of_run(command: click.Command) -> click.Command:
     type=POSITIVE,
     help="That a log's process may hold; else its share of 80 % of the machine's.",
 )
-@click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
+@json_flag
 @click.option("--quiet", is_flag=True, help="No progress.")
 def command(logs: tuple[str, ...], archive: str, as_json: bool, quiet: bool, **options: Any) -> int:
     """Run LOGS into an ARCHIVE, a result each; a second call does only what is missing.
@@ -68,7 +69,7 @@ def command(logs: tuple[str, ...], archive: str, as_json: bool, quiet: bool, **o
     from replay import batch
     from replay.cli.batch_progress import told
 
-    chosen = {name: value for name, value in options.items() if value is not None}
+    chosen = given(options)
     done = [0, 0]
     try:
         with told(quiet=quiet, count=done) as watch:

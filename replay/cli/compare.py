@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from formats.errors import Notes, printable
+from replay.cli.flags import force_flag, json_flag
 from replay.cli.values import answer, say
 
 
@@ -58,8 +59,8 @@ class PriorType(click.ParamType[dict[str, Any]]):
     type=click.Path(path_type=Path),
     help="Every log, as .csv or .parquet.",
 )
-@click.option("--force", is_flag=True, help="Replace files that exist.")
-@click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
+@force_flag
+@json_flag
 def command(
     archives: tuple[str, ...],
     priors: tuple[dict[str, Any], ...],

@@ -7,13 +7,14 @@ from pathlib import Path
 
 import click
 
+from replay.cli.flags import force_flag, json_flag
 from replay.cli.values import answer
 
 
 @click.command("demo")
 @click.argument("folder", default="replay-demo", type=click.Path(path_type=Path))
-@click.option("--force", is_flag=True, help="Replace files that exist.")
-@click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
+@force_flag
+@json_flag
 def command(folder: Path, force: bool, as_json: bool) -> int:
     """Write a sample log, its plan and its truth into a FOLDER, and say what to try.
 

@@ -7,19 +7,13 @@ from typing import Any
 
 import click
 
-from formats.errors import Notes
-from replay.cli.values import POSITIVE, answer, ending, say
+from replay.cli.flags import answered, force_flag, given, json_flag, output_flag
+from replay.cli.values import POSITIVE
 
 
 @click.command("deviation")
 @click.argument("result", type=click.Path(path_type=Path))
-@click.option(
-    "-o",
-    "--output",
-    metavar="DIR-or-STEM",
-    type=click.Path(path_type=Path),
-    help="A folder, or the stem of the files' names; the result's name here by default.",
-)
+@output_flag("the result's name here")
 @click.option(
     "--tolerance",
     metavar="M",
@@ -33,8 +27,8 @@ from replay.cli.values import POSITIVE, answer, ending, say
     show_default=True,
     help="Of the coordinates: the plan's, or the frame of the log's poses.",
 )
-@click.option("--force", is_flag=True, help="Replace files that exist.")
-@click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
+@force_flag
+@json_flag
 def command(result: Path, output: Path | None, as_json: bool, **options: Any) -> int:
     """Say which walls of the plan a RESULT confirms, and which moved, are gone or were unseen.
 
@@ -46,18 +40,10 @@ def command(result: Path, output: Path | None, as_json: bool, **options: Any) ->
     A wall that moved has a sign: positive to the left of the direction from its first end to its
     second. Walls that the plan lacks are listed as found. Writes a picture and GeoJSON in metres.
     """
-    from replay import deviation
+    from replay.surveying.deviating import deviation, report
 
-    notes = Notes()
-    chosen = {name: value for name, value in options.items() if value is not None}
-    try:
-        facts = deviation(result, output, notes=notes, **chosen)
-    finally:
-        say(notes)
-    if as_json:
-        answer(facts)
-    else:
-        from replay.surveying.deviating import report
-
-        click.echo(report(facts))
-    return ending(notes)
+    return answered(
+        lambda notes: deviation(result, output, notes=notes, **given(options)),
+        report,
+        as_json=as_json,
+    )

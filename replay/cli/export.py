@@ -8,18 +8,12 @@ from typing import Any
 import click
 
 from formats.errors import Notes
-from replay.cli.values import answer, ending, say
+from replay.cli.flags import answered, force_flag, json_flag, output_flag, wrote
 
 
 @click.command("export")
 @click.argument("result", type=click.Path(path_type=Path))
-@click.option(
-    "-o",
-    "--output",
-    metavar="DIR-or-STEM",
-    type=click.Path(path_type=Path),
-    help="A folder, or the stem of the files' names; the result's name here by default.",
-)
+@output_flag("the result's name here")
 @click.option(
     "--only",
     "what",
@@ -37,8 +31,8 @@ from replay.cli.values import answer, ending, say
     show_default=True,
     help="Of maps and poses: the plan's, or the frame of the log's poses.",
 )
-@click.option("--force", is_flag=True, help="Replace files that exist.")
-@click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
+@force_flag
+@json_flag
 def command(
     result: Path, output: Path | None, what: tuple[str, ...], as_json: bool, **options: Any
 ) -> int:
@@ -51,14 +45,8 @@ def command(
     """
     from replay import export
 
-    notes = Notes()
-    try:
-        written = export(result, output, what or None, notes=notes, **options)
-    finally:
-        say(notes)
-    if as_json:
-        answer({"written": [str(path) for path in written]})
-    else:
-        for path in written:
-            click.echo(f"wrote   {path}")
-    return ending(notes)
+    def written(notes: Notes) -> dict[str, Any]:
+        files = export(result, output, what or None, notes=notes, **options)
+        return {"written": list(map(str, files))}
+
+    return answered(written, wrote, as_json=as_json)

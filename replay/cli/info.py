@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from formats.errors import FormatError, Notes
+from replay.cli.flags import json_flag
 from replay.cli.values import PoseType, answer, ending, say
 
 
@@ -16,7 +17,7 @@ from replay.cli.values import PoseType, answer, ending, say
 @click.option(
     "--check", is_flag=True, help="Exit 1 where run could not use a log, 2 where it has to be told."
 )
-@click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
+@json_flag
 @click.option("--scan", metavar="TOPIC", help="Look at these scans, as `run` would.")
 @click.option("--pose", metavar="TOPIC", help='Look at these poses: a topic, or "tf".')
 @click.option("--map-frame", metavar="FRAME", help="The frame of the poses; map by default.")

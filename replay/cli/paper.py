@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from replay.cli.flags import force_flag, json_flag
 from replay.cli.values import answer
 
 
@@ -25,8 +26,8 @@ from replay.cli.values import answer
     type=click.Path(path_type=Path),
     help="The folder of recorded logs; $REPLAY_SHARED_DATA or ../shared/data by default.",
 )
-@click.option("--force", is_flag=True, help="Replace outputs that exist.")
-@click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
+@force_flag
+@json_flag
 @click.option("--quiet", is_flag=True, help="No progress bar.")
 def command(
     output: Path, rows: tuple[str, ...], logs: Path | None, force: bool, as_json: bool, quiet: bool

@@ -7,9 +7,8 @@ from typing import Any
 
 import click
 
-from formats.errors import Notes
 from replay.cli.drawing_values import scaled
-from replay.cli.values import answer, ending, say
+from replay.cli.flags import answered, force_flag, given, json_flag, output_flag
 
 
 @click.command("plan")
@@ -34,15 +33,9 @@ from replay.cli.values import answer, ending, say
     type=click.Path(path_type=Path),
     help="Edits by hand, replayed on what was found; docs/plan.md has their form.",
 )
-@click.option(
-    "-o",
-    "--output",
-    metavar="DIR-or-STEM",
-    type=click.Path(path_type=Path),
-    help="A folder, or the stem of the files' names; the drawing's name here by default.",
-)
-@click.option("--force", is_flag=True, help="Replace files that exist.")
-@click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
+@output_flag("the drawing's name here")
+@force_flag
+@json_flag
 def command(path: Path, as_json: bool, **options: Any) -> int:
     """Walls, doors and outline of a drawing: overlay, map_server map, GeoJSON.
 
@@ -53,18 +46,8 @@ def command(path: Path, as_json: bool, **options: Any) -> int:
       replay plan drawing.png --truth drawing_gt.svg --json
       replay plan drawing.png --edits drawing.edits
     """
-    from replay import plan
+    from replay.planning.extracting import plan, report
 
-    notes = Notes()
-    try:
-        chosen = {name: value for name, value in options.items() if value is not None}
-        facts = plan(path, notes=notes, **chosen)
-    finally:
-        say(notes)
-    if as_json:
-        answer(facts)
-    else:
-        from replay.planning.extracting import report
-
-        click.echo(report(facts))
-    return ending(notes)
+    return answered(
+        lambda notes: plan(path, notes=notes, **given(options)), report, as_json=as_json
+    )

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
 from formats.errors import Notes
-from replay.cli.values import answer, ending, say
+from replay.cli.flags import answered, force_flag, json_flag, wrote
 
 
 @click.command("report")
@@ -21,8 +22,8 @@ from replay.cli.values import answer, ending, say
     type=click.Path(path_type=Path),
     help="The file; the first result's name here by default.",
 )
-@click.option("--force", is_flag=True, help="Replace a file that exists.")
-@click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
+@force_flag
+@json_flag
 def command(sources: tuple[Path, ...], output: Path | None, force: bool, as_json: bool) -> int:
     """Write one HTML file of RESULTs (or folders of them) that needs no network and prints well.
 
@@ -33,13 +34,7 @@ def command(sources: tuple[Path, ...], output: Path | None, force: bool, as_json
     """
     from replay import report
 
-    notes = Notes()
-    try:
-        written = report(list(sources), output, force=force, notes=notes)
-    finally:
-        say(notes)
-    if as_json:
-        answer({"written": [str(written)]})
-    else:
-        click.echo(f"wrote   {written}")
-    return ending(notes)
+    def written(notes: Notes) -> dict[str, Any]:
+        return {"written": [str(report(list(sources), output, force=force, notes=notes))]}
+
+    return answered(written, wrote, as_json=as_json)

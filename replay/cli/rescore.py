@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from formats.errors import Notes
+from replay.cli.flags import force_flag, json_flag, quiet_flag
 from replay.cli.values import PROBABILITY, answer, ending, say
 
 
@@ -73,9 +74,9 @@ class GridType(click.ParamType[tuple[str, tuple[float, ...]]]):
     type=click.Path(path_type=Path),
     help="All rows as .parquet or .csv; may be given again.",
 )
-@click.option("--force", is_flag=True, help="Replace files that exist.")
-@click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
-@click.option("--quiet", is_flag=True, help="No progress bar, no hints.")
+@force_flag
+@json_flag
+@quiet_flag
 def command(
     archives: tuple[str, ...],
     grid: tuple[tuple[str, tuple[float, ...]], ...],

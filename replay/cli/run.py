@@ -10,6 +10,7 @@ import click
 
 from formats.errors import Notes
 from replay.cli.drawing_values import scaled
+from replay.cli.flags import force_flag, json_flag, plan_method_flag, quiet_flag
 from replay.cli.localising_flags import localising_flags
 from replay.cli.values import (
     NOT_NEGATIVE,
@@ -46,8 +47,8 @@ from replay.cli.values import (
     type=click.Path(path_type=Path),
     help="The result; STEM.replay.mcap in this folder by default.",
 )
-@click.option("--force", is_flag=True, help="Replace outputs that exist.")
-@click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
+@force_flag
+@json_flag
 @click.option("--view", is_flag=True, help="Open the Rerun viewer and stream to it.")
 @click.option("--rrd", metavar="FILE", type=click.Path(path_type=Path), help="Save for Rerun.")
 @click.option("--viewer-budget", metavar="MB", type=POSITIVE, help="Drawn of a run at most; 150.")
@@ -110,11 +111,7 @@ from replay.cli.values import (
 @click.option("--p-outside", type=PROBABILITY, help="P(EMPTY) outside the plan; 0.5.")
 @click.option("--p-door", type=PROBABILITY, help="P(EMPTY) of doors a drawing shows; p_space.")
 @click.option("--p-window", type=PROBABILITY, help="P(EMPTY) of its windows; p_wall.")
-@click.option(
-    "--plan-method",
-    type=click.Choice(["auto", "ink", "structural", "georgiou"]),
-    help="auto (default) extracts the walls of drawings with door symbols; ink takes dark ink.",
-)
+@plan_method_flag
 @click.option(
     "--plan-edits",
     metavar="FILE",
@@ -181,7 +178,7 @@ from replay.cli.values import (
 @click.option("--min-turn", metavar="RAD", type=NOT_NEGATIVE, help="Or so much of a turn.")
 @click.option("--start-offset", metavar="S", type=NOT_NEGATIVE, help="Leave out the log's start.")
 @click.option("--duration", metavar="S", type=POSITIVE, help="Stop so long after the start.")
-@click.option("--quiet", is_flag=True, help="No progress bar, no hints.")
+@quiet_flag
 def command(logs: tuple[Path, ...], as_json: bool, quiet: bool, **options: Any) -> int:
     """Map LOGs over the prior of a plan, and score the map.
 

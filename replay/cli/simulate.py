@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from formats.errors import Notes
+from replay.cli.flags import force_flag, json_flag, plan_method_flag, quiet_flag
 from replay.cli.values import NOT_NEGATIVE, POSITIVE, PoseType, answer, ending, say
 
 
@@ -45,8 +46,8 @@ LINE = LineType()
     type=click.Path(path_type=Path),
     help="LOG.mcap, LOG.bag (ROS 1), or without a suffix a rosbag2 folder.",
 )
-@click.option("--force", is_flag=True, help="Replace outputs that exist.")
-@click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
+@force_flag
+@json_flag
 @click.option(
     "--count",
     metavar="N",
@@ -62,11 +63,7 @@ LINE = LineType()
 )
 @click.option("--plan-resolution", metavar="M", type=POSITIVE, help="Metres a pixel of PLAN.")
 @click.option("--plan-origin", type=PoseType(), help="Of PLAN's lower left corner.")
-@click.option(
-    "--plan-method",
-    type=click.Choice(["auto", "ink", "structural", "georgiou"]),
-    help="auto (default) extracts the walls of drawings with door symbols; ink takes dark ink.",
-)
+@plan_method_flag
 @click.option("--plan-offset", type=PoseType(), help="Of the plan's frame in the map frame.")
 @click.option("--clutter", metavar="SHARE", type=SHARE, help="Furniture on a share of the floor.")
 @click.option("--remove-wall", multiple=True, type=LINE, help="The wall along a line is gone.")
@@ -123,7 +120,7 @@ LINE = LineType()
     default=None,
     help="Whether tf leads from the map to the robot (default), or from odom alone.",
 )
-@click.option("--quiet", is_flag=True, help="No progress bar, no hints.")
+@quiet_flag
 def command(plan: Path, as_json: bool, quiet: bool, **options: Any) -> int:
     """Drive a simulated robot through PLAN, and write its log with the truth inside.
 

@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from formats.errors import Notes
+from replay.cli.flags import force_flag, given, json_flag, output_flag, quiet_flag
 from replay.cli.values import POSITIVE, PROBABILITY, answer, ending, say
 
 
@@ -18,14 +19,8 @@ from replay.cli.values import POSITIVE, PROBABILITY, answer, ending, say
 @click.option(
     "--truth", metavar="IMAGE", type=click.Path(path_type=Path), help="Of PLAN: what really stands."
 )
-@click.option(
-    "-o",
-    "--output",
-    metavar="DIR-or-STEM",
-    type=click.Path(path_type=Path),
-    help="A folder, or the stem of the files' names; tune by default.",
-)
-@click.option("--force", is_flag=True, help="Replace outputs that exist.")
+@output_flag("tune")
+@force_flag
 @click.option(
     "--update",
     type=click.Choice(["both", "bayes", "paper"]),
@@ -70,8 +65,8 @@ from replay.cli.values import POSITIVE, PROBABILITY, answer, ending, say
 )
 @click.option("--no-figures", is_flag=True, help="Write values and table alone.")
 @click.option("--no-sensors", is_flag=True, help="Do not try other sensor probabilities.")
-@click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
-@click.option("--quiet", is_flag=True, help="No progress bar, no hints.")
+@json_flag
+@quiet_flag
 def command(
     sources: tuple[Path, ...],
     no_figures: bool,
@@ -98,7 +93,7 @@ def command(
     from replay.tuning.telling import report
 
     notes = Notes()
-    chosen = {name: value for name, value in options.items() if value is not None}
+    chosen = given(options)
     try:
         with bar(quiet=quiet or as_json, what="search", unit="generations") as progress:
             facts = tune(

@@ -9,7 +9,8 @@ from typing import Any
 import click
 
 from formats.errors import Notes
-from replay.cli.values import NOT_NEGATIVE, POSITIVE, answer, ending, say
+from replay.cli.flags import answered, force_flag, given, json_flag, wrote
+from replay.cli.values import NOT_NEGATIVE, POSITIVE
 
 
 @click.command("view")
@@ -29,8 +30,8 @@ from replay.cli.values import NOT_NEGATIVE, POSITIVE, answer, ending, say
 @click.option("--web", is_flag=True, help="Serve the viewer for browsers of this machine.")
 @click.option("--connect", metavar="URL", help="Send to a Rerun viewer that is already there.")
 @click.option("--viewer-budget", metavar="MB", type=POSITIVE, help="Drawn of a run at most; 150.")
-@click.option("--force", is_flag=True, help="Replace files that exist.")
-@click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
+@force_flag
+@json_flag
 def command(sources: tuple[Path, ...], as_json: bool, **options: Any) -> int:
     """Look at RESULTs, without their logs; several lie side by side on one timeline.
 
@@ -45,15 +46,9 @@ def command(sources: tuple[Path, ...], as_json: bool, **options: Any) -> int:
     """
     from replay import view
 
-    notes = Notes()
-    chosen = {name: value for name, value in options.items() if value is not None}
-    try:
-        written = view(list(sources), notes=notes, say=partial(click.echo, err=True), **chosen)
-    finally:
-        say(notes)
-    if as_json:
-        answer({"written": [str(path) for path in written]})
-    else:
-        for path in written:
-            click.echo(f"wrote   {path}")
-    return ending(notes)
+    def written(notes: Notes) -> dict[str, Any]:
+        show = partial(click.echo, err=True)
+        files = view(list(sources), notes=notes, say=show, **given(options))
+        return {"written": list(map(str, files))}
+
+    return answered(written, wrote, as_json=as_json)
