@@ -21,6 +21,7 @@ Mask = npt.NDArray[np.bool_]
 GAP = 1.2  # m: openings of the outline up to this width count as closed
 ENCLOSED = 0.2  # of the walls' bounding box, which an outline must enclose to be one
 SPECK = 0.05  # of the largest part: smaller ones outside of it are text, not buildings
+ROOM = 2.5  # m²: less is no building, but a word or a legend
 TINY = 1e-6  # of a cell: a pixel's centre on a cell's edge belongs to the upper cell
 
 
@@ -208,6 +209,9 @@ def find_footprint(
     outline = enclosed(inside, wall > 0, 0.5 * GAP / geometry.resolution)
     if outline is not None:
         area = outline.sum() * geometry.resolution**2
+        if area < ROOM:
+            what = f"what is drawn in it encloses {area:.1f} m², less than a room"
+            notes.warn(plan.path, f"{what}: is it a plan, the right page and the right scale?")
         notes.info(plan.path, f"footprint: the {area:.0f} m² inside the outer walls")
         return outline
     notes.info(plan.path, "footprint: the whole picture, since its outer walls are not closed")

@@ -190,6 +190,10 @@ table(72, "text chunk of 500 MB", "", code=1)(
     )
 )
 
+table(72, "a picture of one pixel", "every pixel is white", code=1)(
+    partial(picture, data=png(WHITE[:1, :1]))
+)
+
 
 @table(72, "nothing says how large a pixel is", "--plan-resolution", code=2)
 def _(d: Path) -> Given:

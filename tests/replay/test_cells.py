@@ -372,3 +372,17 @@ print(time.perf_counter() - start, int(peak) / 1e6)
     seconds, gigabytes = map(float, run.stdout.split())
     assert gigabytes < 1.0
     assert seconds < 20
+
+
+@pytest.mark.parametrize(("resolution", "warned"), [(0.05, True), (0.5, False)])
+def test_a_word_on_a_page_is_told_from_a_building(resolution: float, warned: bool) -> None:
+    """A word on a page encloses 8 x 6 cells of 5 cm; a hut of that shape, 4 x 3 m."""
+    rows = (
+        ["." * 12] * 3 + ["..########.."] + ["..#......#.."] * 4 + ["..########.."] + ["." * 12] * 3
+    )
+    notes = Notes()
+    geometry = Geometry(len(rows), 12, resolution, 0.0, 0.0)
+    cell_layers(plan_of(rows, resolution), geometry, notes=notes)
+    said = [note.problem for note in notes]
+    assert any("0.1 m², less than a room" in line for line in said) == warned
+    assert any(line.startswith("footprint: the") for line in said)
