@@ -8,7 +8,6 @@ from os import PathLike
 from typing import Any
 
 from formats.depth.scans import SLAB
-from formats.errors import UsageError
 from formats.frame import Pose
 from formats.grid import Update
 from formats.plans.paper import Distance
@@ -16,6 +15,7 @@ from formats.sensing.echo import Echo
 from replay.cells import Rule
 from replay.drawn import PlanMethod
 from replay.localise import options as localising
+from replay.option_ranges import check_options
 from replay.sensors.observer import NoReturn
 from replay.world import Region
 
@@ -162,18 +162,7 @@ def effective(options: Mapping[str, Any]) -> Options:
     Raises:
         UsageError: there is no such option, or its number is out of range.
     """
-    for name, value in options.items():
-        if name not in DEFAULTS:
-            from difflib import get_close_matches
-
-            close = get_close_matches(name, DEFAULTS, 1)
-            hint = f"did you mean {close[0]}?" if close else ""
-            raise UsageError("", f"there is no option {name}", hint=hint)
-        low, high = RANGES.get(name, (-inf, inf))
-        unlimited = value == inf and name in UNLIMITED
-        if name in RANGES and value is not None and not (low <= value <= high or unlimited):
-            flag = "--" + name.replace("_", "-")
-            raise UsageError("", f"{flag} {value:g} is not from {low:g} to {high:g}")
+    check_options(options, DEFAULTS, RANGES, UNLIMITED)
     return {**DEFAULTS, **options}  # type: ignore[typeddict-item]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -107,13 +107,25 @@ class Pictures:
 
     def add(self, change: Change) -> None:
         """Bring every map up to a keyframe."""
-        change.add_to(self._seen)
-        counts = self._seen.counts.reshape(len(self._seen.counts), -1)
-        touched = np.zeros(counts.shape[1], dtype=np.bool_)
-        touched[change.where % counts.shape[1]] = True
-        cells = np.flatnonzero(touched)
-        strip = Geometry(1, len(cells), 1.0, 0.0, 0.0)
-        part = Evidence(strip, counts[:, None, cells])
-        for name, (prior, p_levels, update) in self._curves.items():
-            before = Grid(strip, prior.values.reshape(1, -1)[:, cells])
-            self.cells[name][cells] = percent(part.on(before, p_levels, update).values[0])
+        for name, cells, now in changed(self._curves, self._seen, change):
+            self.cells[name][cells] = percent(now.values[0])
+
+
+def changed(
+    curves: Mapping[str, Curve], evidence: Evidence, change: Change
+) -> Iterator[tuple[str, npt.NDArray[np.intp], Grid]]:
+    """Bring evidence up to a keyframe; of every curve, the cells that it touched, as they are now.
+
+    Yields:
+        name, flat indices (n,), and a map of these cells alone, (1, n).
+    """
+    change.add_to(evidence)
+    counts = evidence.counts.reshape(len(evidence.counts), -1)
+    touched = np.zeros(counts.shape[1], dtype=np.bool_)
+    touched[change.where % counts.shape[1]] = True
+    cells = np.flatnonzero(touched)
+    strip = Geometry(1, len(cells), 1.0, 0.0, 0.0)
+    part = Evidence(strip, counts[:, None, cells])
+    for name, (prior, p_levels, update) in curves.items():
+        before = Grid(strip, prior.values.reshape(1, -1)[:, cells])
+        yield name, cells, part.on(before, p_levels, update)

@@ -13,7 +13,7 @@ import click
 from formats.errors import printable
 
 if TYPE_CHECKING:
-    from replay.archive.batching import Batch, Event
+    from replay.archive.batches import Batch, Event
 
 Watch = Callable[["Event"], object]
 

@@ -9,6 +9,7 @@ from typing import Any, Literal, TypedDict
 from formats.errors import UsageError
 from formats.frame import Pose
 from replay.drawn import PlanMethod
+from replay.option_ranges import check_options
 from replay.simulator.changes import Line
 
 Kind = Literal["lidar", "sonar", "kinect"]
@@ -161,18 +162,7 @@ def effective(options: Mapping[str, Any]) -> Options:
     Raises:
         UsageError: there is no such option, a number is out of range, or they exclude each other.
     """
-    for name, value in options.items():
-        if name not in DEFAULTS:
-            from difflib import get_close_matches
-
-            close = get_close_matches(name, DEFAULTS, 1)
-            hint = f"did you mean {close[0]}?" if close else ""
-            raise UsageError("", f"there is no option {name}", hint=hint)
-        low, high = RANGES.get(name, (-inf, inf))
-        unlimited = value == inf and name in UNLIMITED
-        if name in RANGES and value is not None and not (low <= value <= high or unlimited):
-            flag = "--" + name.replace("_", "-")
-            raise UsageError("", f"{flag} {value:g} is not from {low:g} to {high:g}")
+    check_options(options, DEFAULTS, RANGES, UNLIMITED)
     chosen: Options = {**DEFAULTS, **options}  # type: ignore[typeddict-item]
     unknown = [name for name in chosen["sensor"] if name not in KINDS]
     if unknown or not chosen["sensor"]:

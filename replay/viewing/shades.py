@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from formats.grid import Evidence, Geometry, Grid
+from formats.grid import Evidence, Geometry
 from formats.result import Curve
-from formats.results.keyframes import Change
+from formats.results.keyframes import Change, changed
 from replay.pictures import gray
 
 
@@ -26,15 +24,6 @@ class Shades:
 
     def add(self, change: Change) -> None:
         """Bring every map up to a keyframe."""
-        change.add_to(self._evidence)
-        counts = self._evidence.counts.reshape(len(self._evidence.counts), -1)
-        touched = np.zeros(counts.shape[1], dtype=np.bool_)
-        touched[change.where % counts.shape[1]] = True
-        cells = np.flatnonzero(touched)
-        strip = Geometry(1, len(cells), 1.0, 0.0, 0.0)
-        part = Evidence(strip, counts[:, None, cells])
-        for name, (prior, p_levels, update) in self._curves.items():
-            before = Grid(strip, prior.values.reshape(1, -1)[:, cells])
-            now = part.on(before, p_levels, update)
+        for name, cells, now in changed(self._curves, self._evidence, change):
             self.shades[name].reshape(-1)[cells] = gray(now)[0]
             self.occupied[name].reshape(-1)[cells] = now.occupied()[0]
