@@ -120,25 +120,9 @@ def run(
         world, mapper = begun(asked, plan, drive, notes)
         said = facts.said(world, drive, notes, posed.said, judged.line if judged else "")
         origin = {"said": said, **facts.origin(world, drive, log), **posed.facts}
-        if judged:
-            origin["pose_errors"] = judged.facts
-        if archive:
-            origin["archive"] = dict(archive)
-        to_map = chosen["plan_pose"] or Pose(0.0, 0.0, 0.0)
-        writer = ResultWriter(
-            asked.out,
-            geometry=world.geometry,
-            curves=world.curves,
-            main=asked.main,
-            layers=world.kept(),
-            settings=asked.settings,
-            map_to_plan=world.map_to_plan,
-            covariances=posed.covariances(world.map_to_plan.yaw - to_map.yaw),
-            attachments={path.name: path.read_bytes() for path in world.files},
-            facts=origin,
-            force=force,
-            inputs=asked.inputs,
-        )
+        origin |= {"pose_errors": judged.facts} if judged else {}
+        origin |= {"archive": dict(archive)} if archive else {}
+        writer = writer_of(asked, world, posed, origin, force=force)
         sinks: list[Any] = [stack.enter_context(writer)]
         title = f"{asked.logs[0].name} over {plan.path.name if plan else 'no plan'}"
         if viewer is not None:
@@ -157,9 +141,7 @@ def run(
             for sink in sinks:
                 sink.write(step)
             course.add(step)
-        for path in asked.logs:
-            if states([path]).items() - before.items():
-                notes.warn(path, "changed while it was read: give it again when it is whole")
+        tell_changed(asked.logs, before, notes)
         result = Result(
             settings=dict(chosen),
             times_ns=course.times_ns(),
@@ -202,6 +184,27 @@ def posed_drive(
         plan, laid = located(plan, asked.logs[0], align, notes, **reading), True
     clock.lap("reading")
     return plan, pose(decision, drive, plan, notes, chosen, laid=laid, edits=asked.edits)
+
+
+def writer_of(
+    asked: Asked, world: World, posed: Posed, origin: dict[str, Any], *, force: bool
+) -> ResultWriter:
+    """What writes the result."""
+    to_map = asked.chosen["plan_pose"] or Pose(0.0, 0.0, 0.0)
+    return ResultWriter(
+        asked.out,
+        geometry=world.geometry,
+        curves=world.curves,
+        main=asked.main,
+        layers=world.kept(),
+        settings=asked.settings,
+        map_to_plan=world.map_to_plan,
+        covariances=posed.covariances(world.map_to_plan.yaw - to_map.yaw),
+        attachments={path.name: path.read_bytes() for path in world.files},
+        facts=origin,
+        force=force,
+        inputs=asked.inputs,
+    )
 
 
 def against_truth(
@@ -263,6 +266,13 @@ def measured(
         names = (*facts.SHOWN, *metrics)
         found |= measuring.sureness(names, result.grids, world.wall, scored)
     return found
+
+
+def tell_changed(logs: Sequence[Path], before: Mapping[Path, object], notes: Notes) -> None:
+    """Warn of logs that are not what they were."""
+    for path in logs:
+        if states([path]).items() - before.items():
+            notes.warn(path, "changed while it was read: give it again when it is whole")
 
 
 def states(paths: Sequence[Path]) -> dict[Path, tuple[int, int]]:
