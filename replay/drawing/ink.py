@@ -20,9 +20,10 @@ FAINT = 12  # grey levels below paper that are a faint line, on a sheet without 
 COARSE = 600  # px of the longer side at which floors are looked for
 FLOOR = 1 / 16  # of it: no wall is thicker
 FLOOR_LEAST = 0.6  # of the paper's tone: no floor is darker
-FLOOR_SHARE = 1.0  # per cent of the picture that may be darker floors still
+FLOOR_SHARE = 3.0  # per cent of the picture that may be darker floors still
 NEARLY = 15  # grey levels below paper that are never ink
 NOISY = 5.0  # and so many times the noise
+THIN = 9  # px: no faint line is as thick
 ROWS = 300  # of a picture, at least, tell its noise
 EXACT = 1 << 24  # a float32 counts so far
 BAND = 1_500_000  # px of a picture of floats that is worked on at a time: it stays in the cache
@@ -45,14 +46,18 @@ def upright(gray: Gray) -> Gray:
     return 255 - gray if counts[:128].sum() > counts[128:].sum() else gray
 
 
+def _usual(counts: npt.NDArray[np.int64]) -> int:
+    """The most frequent bright tone."""
+    return 128 + int(counts[128:].argmax())
+
+
 def paper_tone(gray: Gray) -> int:
     """The tone that ink is darker than: the most frequent bright one, or that of darker floors.
 
     Floors are what is wide: coloured rooms, and the shaded side of a scan. What is narrower than a
     16th of the picture is closed at a coarse size, so that walls do not count, however thick.
     """
-    counts = tones(gray)
-    most = 128 + int(counts[128:].argmax())
+    most = _usual(tones(gray))
     factor = max(1, round(max(gray.shape) / COARSE))
     if min(gray.shape) < factor:
         return most
@@ -77,8 +82,12 @@ def binarise(gray: Gray) -> Bits:
 
     Light grey hatching and thin grey lines count, the grain of a scanned sheet does not.
     """
+    return _darker(gray, paper_tone(gray))
+
+
+def _darker(gray: Gray, paper: int) -> Bits:
+    """What is ink on paper of that tone."""
     counts = tones(gray)
-    paper = paper_tone(gray)
     dark = counts[: max(1, paper - max(NEARLY, round(NOISY * noise(gray))))]
     if dark.sum() == 0:
         return np.zeros(gray.shape, dtype=np.uint8)
@@ -87,12 +96,19 @@ def binarise(gray: Gray) -> Bits:
 
 
 def faint(gray: Gray, ink: Bits) -> Bits:
-    """Ink with its faintest lines, which plotters use for door arcs; the ink alone on a scan."""
+    """Ink with its faintest lines, which plotters use for door arcs; the ink alone on a scan.
+
+    Where floors have tones of their own, of what is darker than the paper only what is thin.
+    """
     counts = tones(gray)
-    paper = paper_tone(gray)
+    paper = _usual(counts)
     if counts[max(0, paper - FAINT) : paper].sum() > GRAIN * gray.size:
-        return ink
-    return ink | (gray < paper - FAINT).astype(np.uint8)
+        pale = _darker(gray, paper)
+    else:
+        pale = (gray < paper - FAINT).astype(np.uint8)
+    if paper_tone(gray) < paper:
+        pale &= 1 - grown(opened(pale, THIN), 3)
+    return ink | pale
 
 
 def square(side: int) -> Bits:

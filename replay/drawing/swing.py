@@ -20,7 +20,8 @@ SIZES = (0.5, 1.7)  # times the usual width
 ON_WALL = 0.3  # of a leaf's width: so near to a wall hinge and end lie
 CLEAR = 0.9  # of arc and leaf is inked: then the hinge may be farther from the wall,
 OFF_WALL = 0.55  # of a leaf's width, as a pivot's or one in a frame is,
-BUILT = 0.5  # of an arc lies in walls: no leaf's
+BUILT = 0.5  # of an arc runs along a wall: no leaf's
+BESIDE = 0.09  # of its radius: there the wall is looked for
 JAMB = 0.15  # of its width: where the shut leaf's end is so near to a wall
 
 
@@ -133,12 +134,18 @@ def _at(arc: Arc, angle: float) -> tuple[float, float]:
 
 
 def _on_walls(walls: Bits, arc: Arc) -> float:
-    """Share of an arc that is a bent wall's edge or lies in a wall."""
+    """Share of an arc along which a wall lies, on the side where there is more.
+
+    It is looked at beside the arc, since a bold leaf's arc may be taken for a wall itself.
+    """
     turns = arc.start + np.linspace(0.1, 0.9, 40) * arc.extent
-    cols = np.rint(arc.x + arc.radius * np.cos(turns)).astype(np.int64)
-    rows = np.rint(arc.y + arc.radius * np.sin(turns)).astype(np.int64)
-    inside = (cols >= 0) & (cols < walls.shape[1]) & (rows >= 0) & (rows < walls.shape[0])
-    return float(walls[rows[inside], cols[inside]].sum()) / len(turns)
+    best = 0.0
+    for radius in (arc.radius * (1 - BESIDE), arc.radius * (1 + BESIDE)):
+        cols = np.rint(arc.x + radius * np.cos(turns)).astype(np.int64)
+        rows = np.rint(arc.y + radius * np.sin(turns)).astype(np.int64)
+        inside = (cols >= 0) & (cols < walls.shape[1]) & (rows >= 0) & (rows < walls.shape[0])
+        best = max(best, float(walls[rows[inside], cols[inside]].sum()) / len(turns))
+    return best
 
 
 def _near(far: Floats, x: float, y: float) -> float:

@@ -9,6 +9,7 @@ from replay.drawing.ink import (
     binarise,
     closed,
     directions,
+    faint,
     noise,
     opened,
     opened_by,
@@ -128,3 +129,14 @@ def test_dark_walls_are_no_floor_however_thick() -> None:
     gray[50:150, 50:150] = 140
     assert paper_tone(gray) == 255
     assert binarise(gray).sum() == 10_000
+
+
+def test_faint_lines_are_drawn_and_floors_of_their_own_tone_are_not() -> None:
+    gray = np.full((300, 400), 255, dtype=np.uint8)
+    gray[50:250, 50:200] = 235
+    gray[20:24, 20:380] = 30
+    gray[280, 20:380] = 240  # a hairline on white
+    lines = faint(gray, binarise(gray))
+    assert lines[20:24, 20:380].all()
+    assert lines[280, 20:380].all()
+    assert not lines[50:250, 50:200].any()

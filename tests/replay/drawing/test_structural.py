@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from replay.drawing import extract
+from replay.drawing import Door, extract
 from replay.planning.scores import score_doors, score_hinges, score_walls
 from scripts.styled import STYLES
 from tests.drawings import DOOR, Sheet, flat
@@ -158,3 +158,14 @@ def test_a_round_wall_in_two_lines_is_no_door() -> None:
     sheet = STYLES["hollow, curved and slanted"]()
     bay = [d for d in extract(sheet.gray).doors if d.hinge[1] < 145 and d.opened[1] < 145]
     assert bay == []
+
+
+def test_a_leaf_and_arc_drawn_as_bold_as_walls_are_a_door() -> None:
+    sheet = Sheet.of(400, 500)
+    for x0, x1 in ((20, 180), (320, 480)):
+        cv2.rectangle(sheet.gray, (x0, 300), (x1, 314), 0, -1)
+    door = Door((180, 300), (320, 300), -np.pi / 2)
+    cv2.polylines(sheet.gray, [np.rint(door.sector()[1:]).astype(np.int32)], False, 0, 7)
+    cv2.line(sheet.gray, (180, 300), (180, 160), 0, 7)
+    found = extract(sheet.gray, resolution=0.9 / 140).doors
+    assert score_doors(found, [door.sector()]).recall == 1.0
