@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from formats.depth.cameras import calibration, info_topic
 from formats.depth.scans import SLAB
-from formats.errors import Notes, UsageError
+from formats.errors import Notes, Path, UsageError
 from formats.frame import Frame, Pose
 from formats.log import Log, Topic
 from formats.opening import READERS, open_log
@@ -102,16 +102,7 @@ def survey(log: Log, notes: Notes, **options: Unpack[Options]) -> Drive:
         UsageError: several topics fit equally, or an option names what is not there.
         FormatError: no scans, no poses, or no scan that the poses reach.
     """
-    wishes = Wishes(
-        scan=options.get("scan") or "",
-        pose=options.get("pose") or "",
-        map_frame=options.get("map_frame") or "",
-        base_frame=options.get("base_frame") or "",
-        sensor_pose=options.get("sensor_pose"),
-        pose_delay_ns=round((options.get("pose_delay") or 0.0) * SECOND),
-        max_gap_ns=round((options.get("max_gap") or MAX_GAP_NS / SECOND) * SECOND),
-        odometry=options.get("poses") == "odometry",
-    )
+    wishes = _wishes(options)
     look, camera_info = _look(log, options), options.get("camera_info") or ""
     topics = scan_topics(log, wishes.scan)
     if not wishes.scan:
@@ -130,7 +121,6 @@ def survey(log: Log, notes: Notes, **options: Unpack[Options]) -> Drive:
     times = clock.times(scans.stamps_ns, scans.logs_ns)
     window = _window(times - zero, options)
     keep = sift(scans, times, window, zero, notes, log.path)
-    sensor = SENSORS[scans.topic.type]
     if scans.topic in cameras:
         info = cameras[scans.topic]
         camera = None if info is None else gathered.cameras[info]
@@ -147,23 +137,14 @@ def survey(log: Log, notes: Notes, **options: Unpack[Options]) -> Drive:
     sweeps = np.zeros(len(rows), dtype=np.int64)
     if options.get("deskew", True):
         sweeps = plausible_sweeps(scans, times, keep, notes, log.path)[rows]
-    poses, upright = np.empty((len(rows), 3)), np.empty(len(rows))
-    for part in blocks(len(rows)):
-        swept = way.swept(rows[part], sweeps[part])
-        sweeps[part], poses[part] = swept.sweeps_ns, flat(swept.matrices, sensor.forward)
-        upright[part] = swept.matrices[:, 2, 2]
-    if sensor.forward == 2:
-        tell_aim(scans, upright, notes, log.path)
-    elif not sensor.solid:
-        tell_attitude(scans, upright, notes, log.path)
-    middles = times[rows] + sweeps // 2
+    poses = _placed(scans, way, rows, sweeps, notes, log.path)
     drive = Drive(
         log=log,
         notes=notes,
         choice=choice,
         total=len(scans),
         posed=len(rows),
-        times_ns=middles,
+        times_ns=times[rows] + sweeps // 2,
         poses=poses,
         limit=scans.limit,
         zero_ns=zero,
@@ -178,6 +159,51 @@ def survey(log: Log, notes: Notes, **options: Unpack[Options]) -> Drive:
         min_turn=options.get("min_turn") or 0.0,
         readings_per_pose=options.get("readings_per_pose"),
     )
+
+
+def _wishes(options: Options) -> Wishes:
+    """What the user says of topics, frames and poses."""
+    return Wishes(
+        scan=options.get("scan") or "",
+        pose=options.get("pose") or "",
+        map_frame=options.get("map_frame") or "",
+        base_frame=options.get("base_frame") or "",
+        sensor_pose=options.get("sensor_pose"),
+        pose_delay_ns=round((options.get("pose_delay") or 0.0) * SECOND),
+        max_gap_ns=round((options.get("max_gap") or MAX_GAP_NS / SECOND) * SECOND),
+        odometry=options.get("poses") == "odometry",
+    )
+
+
+def _placed(
+    scans: ScanTimes,
+    way: Way,
+    rows: npt.NDArray[np.intp],
+    sweeps: Times,
+    notes: Notes,
+    path: Path,
+) -> npt.NDArray[np.float64]:
+    """Poses (n, 3) of the sensor, its attitude noted; sweeps that it cannot be followed in are 0.
+
+    Args:
+        scans: of the topic.
+        way: where the sensor was.
+        rows: (n,) of the scans.
+        sweeps: (n,) ns that each took, changed in place.
+        notes: where oddities go.
+        path: of the log.
+    """
+    sensor = SENSORS[scans.topic.type]
+    poses, upright = np.empty((len(rows), 3)), np.empty(len(rows))
+    for part in blocks(len(rows)):
+        swept = way.swept(rows[part], sweeps[part])
+        sweeps[part], poses[part] = swept.sweeps_ns, flat(swept.matrices, sensor.forward)
+        upright[part] = swept.matrices[:, 2, 2]
+    if sensor.forward == 2:
+        tell_aim(scans, upright, notes, path)
+    elif not sensor.solid:
+        tell_attitude(scans, upright, notes, path)
+    return poses
 
 
 def frames(
