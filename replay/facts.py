@@ -14,7 +14,7 @@ from replay.options import Options
 from replay.pictures import CURVE_NAMES
 from replay.prior import breaks_e13
 from replay.scoring.count_metrics import METRICS
-from replay.scoring.course import Course
+from replay.scoring.history import History
 from replay.world import World
 
 SHOWN = ("precision", "recall", "f2")
@@ -119,26 +119,26 @@ def sensor_of(p_levels: Sequence[float]) -> str:
     return f"{round(1 - p_levels[0], 6):g} / {round(1 - p_levels[-1], 6):g}"
 
 
-def ended(course: Course, region: str, notes: Notes) -> dict[str, Any]:
+def ended(history: History, region: str, notes: Notes) -> dict[str, Any]:
     """The scores after the last frame, and how the run went, as --json has them."""
     return {
-        **scores(course, region),
-        "scans": len(course),
+        **scores(history, region),
+        "scans": len(history),
         "skipped": notes.total("skipped"),
         "lost": notes.total("lost"),
-        "log_seconds": course.seconds,
+        "log_seconds": history.seconds,
         "notes": [f"{note.kind}: {note}" for note in notes if note.kind != "info"],
     }
 
 
-def scores(course: Course, region: str) -> dict[str, Any]:
+def scores(history: History, region: str) -> dict[str, Any]:
     """The last frame's counts as --json has them.
 
     Args:
-        course: of the run.
+        history: of the run.
         region: "observed" scores the observed cells alone.
     """
-    last = course.last()
+    last = history.last()
     splits = {name: Split(Counts(*row[:4]), Counts(*row[4:])) for name, row in last.items()}
     whole = {n: s.observed if region == "observed" else s.whole for n, s in splits.items()}
     some = next(iter(splits.values()))

@@ -24,7 +24,7 @@ from replay.options import GATES, READING, WORLD, Options, among
 from replay.pipeline import Clock, steps
 from replay.posing import Posed, decide, pose, wish
 from replay.scoring import measuring
-from replay.scoring.course import Course
+from replay.scoring.history import History
 from replay.scoring.predictive import Predictor
 from replay.sensors.models import MODELS
 from replay.surveying.deviations import deviations
@@ -131,7 +131,7 @@ def run(
             text = facts.markdown(title, said)
             viewer.show(scene_of_world(world, title, text, asked.main, len(drive), drive.bounds))
             sinks.append(viewer)
-        predictor, course = None, Course(world.curves)
+        predictor, history = None, History(world.curves)
         if measuring.PREDICTIVE in more:
             predictor = Predictor(world.curves, mapper.observe)
         clock.lap("reading")
@@ -140,14 +140,14 @@ def run(
         for step in steps(frames, len(drive), world, mapper, **told):
             for sink in sinks:
                 sink.write(step)
-            course.add(step)
+            history.add(step)
         tell_changed(asked.logs, before, notes)
         result = Result(
             settings=dict(chosen),
-            times_ns=course.times_ns(),
-            counts=course.counts(),
+            times_ns=history.times_ns(),
+            counts=history.counts(),
             grids={name: curve.of(mapper.evidence) for name, curve in world.curves.items()},
-            facts={**origin, **facts.ended(course, chosen["region"], notes)},
+            facts={**origin, **facts.ended(history, chosen["region"], notes)},
         )
         foretold = predictor.scores() if predictor else {}
         result.facts |= measured(result, world, mapper, more, foretold, intervals=intervals)

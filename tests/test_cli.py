@@ -3,28 +3,17 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from tests.commands import REPLAY, replay
+
 ROOT = Path(__file__).resolve().parent.parent
 SAMPLES = ROOT / "sample_logs"
-REPLAY = Path(sys.executable).with_name("replay")
 PLAN = ("--prior", str(SAMPLES / "plan.png"))
-
-
-def replay(*words: str, cwd: Path, **env: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [REPLAY, *words],
-        cwd=cwd,
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, "NO_COLOR": "1", **env},
-    )
 
 
 def test_help_shows_examples_and_loads_no_heavy_library(tmp_path: Path) -> None:

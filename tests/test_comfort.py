@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
@@ -14,21 +11,10 @@ import pytest
 
 from replay.cli import VERBS, cli
 from replay.cli.config import settable
+from tests.commands import replay
 
-REPLAY = Path(sys.executable).with_name("replay")
 SAMPLES = Path(__file__).resolve().parent.parent / "sample_logs"
 LOG = str(SAMPLES / "turtlebot.mcap")
-
-
-def replay(*words: str, cwd: Path, **env: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [REPLAY, *words],
-        cwd=cwd,
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, "NO_COLOR": "1", **env},
-    )
 
 
 def verb(name: str) -> click.Command:

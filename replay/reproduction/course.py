@@ -15,7 +15,7 @@ from replay.reproduction.example_plans import Plan as Drawn
 from replay.reproduction.maps import RULES
 from replay.reproduction.studies import shade, three
 from replay.simulator.sensors import Lidar, Noise
-from replay.tuning.early import Course, course, moments
+from replay.tuning.early import Course, course, keyframes
 from replay.tuning.front import exact_front
 from replay.tuning.picks import PAPER
 from replay.tuning.simulated import Explored, Setup
@@ -97,7 +97,7 @@ class Runs:
                 replace(setup, readings=readings),
             )
             explored[readings] = one
-            seen = moments(one.ground, one.evidences())
+            seen = keyframes(one.ground, one.evidences())
             for rule in RULES:
                 courses[readings, rule] = course(seen, one.values(rule))
         return cls(explored, courses)

@@ -30,7 +30,7 @@ from replay.simulator.driving import Drift, believed, drive
 from replay.simulator.frames import frames
 from replay.simulator.site import Site
 from replay.tuning.cases import Bools
-from replay.tuning.early import Course, course, moments
+from replay.tuning.early import Course, course, keyframes
 from replay.tuning.picks import PAPER
 from replay.tuning.simulated import Explored, Setup
 
@@ -241,7 +241,7 @@ def _maps(out: Section, one: Explored, runs: dict[str, list[tuple[float, Evidenc
 def _curves(out: Section, one: Explored, runs: dict[str, list[tuple[float, Evidence]]]) -> None:
     """E: F2 over time, and the claims."""
     panels = []
-    shown = {name: moments(one.ground, seen) for name, seen in runs.items()}
+    shown = {name: keyframes(one.ground, seen) for name, seen in runs.items()}
     for rule in RULES:
         ends, lines = {}, []
         leads = {}

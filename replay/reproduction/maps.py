@@ -13,7 +13,7 @@ from replay.figures import Chart, Line, Picture, Surface
 from replay.prior import breaks_e13
 from replay.reproduction.claims import Section
 from replay.reproduction.studies import Study, shade
-from replay.tuning.early import Course, course, moments
+from replay.tuning.early import Course, course, keyframes
 from replay.tuning.picks import PAPER
 from replay.tuning.simulated import Explored
 from replay.tuning.surfaces import Tables, Values, grid
@@ -64,7 +64,7 @@ def g6(study: Study) -> Section:
         one = study.explored(letter, cell)
         places = max(1, round(PARTIAL * len(one.places())))
         part = Explored(letter, one.truth, one.prior, one.pixel, replace(one.setup, places=places))
-        seen = moments(part.ground, part.evidences())
+        seen = keyframes(part.ground, part.evidences())
         for rule in RULES:
             values = part.values(rule)
             found = course(seen, values)
@@ -196,7 +196,7 @@ def x5(study: Study) -> Section:
     for letter in study.letters:
         one = study.explored(letter, cell)
         for rule in RULES:
-            found = course(study.moments(letter, cell), one.values(rule))
+            found = course(study.keyframes(letter, cell), one.values(rule))
             surface = found.surface(p)
             i, j = np.unravel_index(int(np.argmax(surface)), surface.shape)
             mine, none = found.f2(*_paper())[:, 0], found.without_prior()

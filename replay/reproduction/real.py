@@ -20,7 +20,7 @@ from replay.reproduction.course import SENSORS, reoptimised
 from replay.reproduction.maps import RULES
 from replay.running import run
 from replay.sensors.observer import MODELS
-from replay.tuning.early import course, moments_of
+from replay.tuning.early import course, keyframes_of
 from replay.tuning.picks import PAPER
 from replay.tuning.reading import ground_of, values_of
 from replay.tuning.surfaces import Tables
@@ -93,7 +93,7 @@ def _curves(out: Section, found: Mapping[tuple[str, str], RunFile]) -> None:
     panels = []
     for (laser, way), kept in found.items():
         ground = ground_of(kept)
-        seen = moments_of(kept, ground)
+        seen = keyframes_of(kept, ground)
         lines: list[Line] = []
         for rule in RULES:
             one = course(seen, values_of(kept, rule, 0.9, 0.1))
@@ -150,7 +150,7 @@ def _amcl(out: Section, folder: Path) -> None:
         )
         kept = read_result(path)
     ground = ground_of(kept)
-    seen = moments_of(kept, ground)
+    seen = keyframes_of(kept, ground)
     lines: list[Line] = []
     for rule in RULES:
         one = course(seen, values_of(kept, rule, 0.9, 0.1))

@@ -46,13 +46,15 @@ def x4(study: Study) -> Section:
         f"drawing ({letter}), {cell} px: the plan still has the wall between two rooms, and knows "
         "nothing of rubble in a third; share of the observed changed pixels that the map has right",
     )
-    moments = [(time, _right(one, evidence, opened, rubble)) for time, evidence in one.evidences()]
-    panels, times = [], [time for time, _ in moments]
+    keyframes = [
+        (time, _right(one, evidence, opened, rubble)) for time, evidence in one.evidences()
+    ]
+    panels, times = [], [time for time, _ in keyframes]
     for rule in RULES:
         lines = []
         for k, name in enumerate(("wall gone", "rubble")):
             for prior, style in (("with prior", "-"), ("no prior", "--")):
-                shares = [right[rule][prior][k] for _, right in moments]
+                shares = [right[rule][prior][k] for _, right in keyframes]
                 lines.append(Line(f"{name}, {prior}", times, shares, style, figures.COLOURS[k]))
         panels.append(
             Chart(rule, "readings (s)", "share that is right", lines, None, (-0.02, 1.05))
@@ -71,7 +73,7 @@ def x4(study: Study) -> Section:
             4.2,
         ),
     )
-    last = moments[-1][1]
+    last = keyframes[-1][1]
     for rule in RULES:
         gone, rubble_right = last[rule]["with prior"]
         base = last[rule]["no prior"]

@@ -13,7 +13,7 @@ from formats.grid import Grid, Update, probability
 from replay.drawing import Drawing, Method, extract
 from replay.reproduction.example_plans import PX_PER_M, plan
 from replay.reproduction.example_plans import Plan as Drawn
-from replay.tuning.early import Moment, moments
+from replay.tuning.early import Keyframe, keyframes
 from replay.tuning.simulated import Explored, ScoredRegion, Setup
 from replay.tuning.surfaces import Tables
 
@@ -39,7 +39,7 @@ class Study:
     method: Method = "georgiou"
     setup: Setup = field(default_factory=Setup)
     _explored: dict[tuple[str, int], Explored] = field(default_factory=dict)
-    _moments: dict[tuple[str, int], list[Moment]] = field(default_factory=dict)
+    _moments: dict[tuple[str, int], list[Keyframe]] = field(default_factory=dict)
     _tables: dict[Key, Tables] = field(default_factory=dict)
 
     @cached_property
@@ -64,12 +64,12 @@ class Study:
             self._explored[key] = Explored(letter, self.drawn[letter].walls, walls, PIXEL, setup)
         return self._explored[key]
 
-    def moments(self, letter: str, cell: int) -> list[Moment]:
+    def keyframes(self, letter: str, cell: int) -> list[Keyframe]:
         """A drawing while it is explored."""
         key = letter, cell
         if key not in self._moments:
             one = self.explored(letter, cell)
-            self._moments[key] = moments(one.ground, one.evidences())
+            self._moments[key] = keyframes(one.ground, one.evidences())
         return self._moments[key]
 
     def tables(

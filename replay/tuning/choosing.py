@@ -110,7 +110,9 @@ def tuned(
     lap("front")
     found = searched(OBJECTIVES[objective](together), search, resume, progress)
     lap("search")
-    courses = [course(source.moments, value) for source, value in zip(sources, values, strict=True)]
+    courses = [
+        course(source.keyframes, value) for source, value in zip(sources, values, strict=True)
+    ]
     early = mean_surface(courses, p)
     lap("early")
     points = np.concatenate([one.acceptable.points for one in fronts])

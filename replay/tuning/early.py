@@ -19,7 +19,7 @@ class Course(NamedTuple):
 
     Attributes:
         explored: (n,) share of the scored cells that some reading had shown, ascending from 0.
-        tables: (n,) the scores of every prior at that moment; the first without a reading.
+        tables: (n,) the scores of every prior at that keyframe; the first without a reading.
         times: (n,) s since the run's start.
     """
 
@@ -34,7 +34,7 @@ class Course(NamedTuple):
         out = np.zeros(len(self.explored))
         out[:-1] += steps / 2
         out[1:] += steps / 2
-        if out.sum() <= 0.0:  # nothing was explored: only the last moment counts
+        if out.sum() <= 0.0:  # nothing was explored: only the last keyframe counts
             out[-1] = 1.0
         return np.asarray(out / out.sum())
 
@@ -47,7 +47,7 @@ class Course(NamedTuple):
         return out
 
     def f2(self, p_wall: npt.ArrayLike, p_space: npt.ArrayLike) -> Floats:
-        """(moments, n) F2 of single priors, both (n,)."""
+        """(keyframes, n) F2 of single priors, both (n,)."""
         return np.array([tables.at(p_wall, p_space).f2 for tables in self.tables])
 
     def mean(self, p_wall: npt.ArrayLike, p_space: npt.ArrayLike) -> Floats:
@@ -55,11 +55,11 @@ class Course(NamedTuple):
         return np.asarray(self.weights @ self.f2(p_wall, p_space))
 
     def without_prior(self) -> Floats:
-        """(moments,) F2 of 0.5 everywhere."""
+        """(keyframes,) F2 of 0.5 everywhere."""
         return np.array([float(tables.without_prior().f2) for tables in self.tables])
 
 
-class Moment(NamedTuple):
+class Keyframe(NamedTuple):
     """What had been seen at a time.
 
     Attributes:
@@ -73,37 +73,37 @@ class Moment(NamedTuple):
     case: Case
 
 
-def moments(ground: Ground, seen: Iterable[tuple[float, Evidence]]) -> list[Moment]:
-    """Moments of growing evidence, the first without any reading.
+def keyframes(ground: Ground, seen: Iterable[tuple[float, Evidence]]) -> list[Keyframe]:
+    """Keyframes of growing evidence, the first without any reading.
 
     Args:
         ground: what does not change.
         seen: s since the start, and the evidence so far; ascending.
     """
-    out: list[Moment] = []
+    out: list[Keyframe] = []
     for time, evidence in seen:
         if not out:
             nothing = Evidence.empty(evidence.geometry, len(evidence.counts))
-            out.append(Moment(0.0, 0.0, ground.case(nothing)))
+            out.append(Keyframe(0.0, 0.0, ground.case(nothing)))
         there = np.count_nonzero(evidence.visits().ravel()[ground.where])
-        out.append(Moment(time, there / max(len(ground.where), 1), ground.case(evidence)))
+        out.append(Keyframe(time, there / max(len(ground.where), 1), ground.case(evidence)))
     return out
 
 
-def course(seen: Iterable[Moment], values: Values) -> Course:
-    """The tables of every moment under one rule and sensor."""
+def course(seen: Iterable[Keyframe], values: Values) -> Course:
+    """The tables of every keyframe under one rule and sensor."""
     kept = list(seen)
     return Course(
-        np.array([moment.explored for moment in kept]),
-        [Tables(moment.case, values) for moment in kept],
-        np.array([moment.time for moment in kept]),
+        np.array([keyframe.explored for keyframe in kept]),
+        [Tables(keyframe.case, values) for keyframe in kept],
+        np.array([keyframe.time for keyframe in kept]),
     )
 
 
-def moments_of(run: RunFile, ground: Ground) -> list[Moment]:
+def keyframes_of(run: RunFile, ground: Ground) -> list[Keyframe]:
     """A result's keyframes."""
     start = int(run.times_ns[0])
-    return moments(ground, (((time - start) / 1e9, e) for _, time, e in run.keyframes()))
+    return keyframes(ground, (((time - start) / 1e9, e) for _, time, e in run.keyframes()))
 
 
 def mean_surface(courses: Sequence[Course], p: Floats) -> Floats:

@@ -89,7 +89,7 @@ class Explored:
 
     Attributes:
         geometry: of the cells.
-        moments: (s, visits or evidence so far) after each place.
+        keyframes: (s, visits or evidence so far) after each place.
     """
 
     def __init__(

@@ -13,7 +13,7 @@ from formats.results.file import read_result
 from replay.drawn import PlanMethod, taken_apart
 from replay.sensors.observer import MODELS
 from replay.tuning.cases import Case, Ground
-from replay.tuning.early import Moment, moments, moments_of
+from replay.tuning.early import Keyframe, keyframes, keyframes_of
 from replay.tuning.reading import ground_of, values_of
 from replay.tuning.simulated import Explored, Setup
 from replay.tuning.surfaces import Values
@@ -30,7 +30,7 @@ class Source:
         ground: classes and truth of its cells.
         evidence: of the whole run.
         values: rule -> what holds beside p_wall and p_space.
-        moments: the run as it went on.
+        keyframes: the run as it went on.
         levels: p_hit, p_miss -> P(empty) of each level of its sensor model.
         inputs: files that were read.
         depends: what its poses depend on beside the log: "plan, seed 1", or "".
@@ -40,7 +40,7 @@ class Source:
     ground: Ground
     evidence: Evidence
     values: Callable[[Update], Values]
-    moments: list[Moment]
+    keyframes: list[Keyframe]
     levels: Callable[[float, float], Sequence[float]]
     inputs: tuple[str, ...]
     depends: str = ""
@@ -93,7 +93,7 @@ def open_source(
             ground,
             run.evidence(),
             lambda update: scaled(values_of(run, update, p_hit, p_miss)),
-            moments_of(run, ground),
+            keyframes_of(run, ground),
             MODELS[name].p_levels,
             (str(path),),
             ", ".join(part for part in depends.split(", ") if part != "log"),
@@ -110,7 +110,7 @@ def open_source(
         explored.ground,
         explored.evidence,
         values,
-        moments(explored.ground, explored.evidences()),
+        keyframes(explored.ground, explored.evidences()),
         model.p_levels,
         (str(path), *([str(truth)] if truth else [])),
     )

@@ -11,7 +11,7 @@ from sklearn.cluster import KMeans
 
 from replay.tuning import picks
 from replay.tuning.clusters import cluster
-from replay.tuning.early import Course, course, moments
+from replay.tuning.early import Course, course, keyframes
 from replay.tuning.front import exact_front
 from replay.tuning.surfaces import Tables, Values, grid
 from tests.tuning_worlds import seeds, world
@@ -85,7 +85,7 @@ def test_the_proposed_cluster_has_low_walls_and_high_space() -> None:
 def test_a_course_starts_with_the_prior_alone_and_weighs_by_what_is_explored() -> None:
     ground, evidence = world(2)
     values = Values((0.3, 0.6))
-    found = course(moments(ground, [(1.0, evidence)]), values)
+    found = course(keyframes(ground, [(1.0, evidence)]), values)
     seen = (evidence.visits().ravel()[ground.where] > 0).mean()
     assert found.explored.tolist() == [0.0, seen]
     assert found.weights.tolist() == [0.5, 0.5]

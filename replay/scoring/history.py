@@ -13,7 +13,7 @@ from formats.result import Step
 Ints = npt.NDArray[np.int64]
 
 
-class Course:
+class History:
     """Counts over time, held as numbers alone: 64 bytes a frame and curve.
 
     Args:
