@@ -13,7 +13,8 @@ from formats.output import check_output, write_text
 from formats.result import Counts
 from replay.archive.finding import places
 from replay.archive.places import Place
-from replay.archive.rescored import CELLS, Scored, Values, rescore
+from replay.archive.priors import Values
+from replay.archive.rescored import CELLS, Scored, rescore
 from replay.archive.sides import Comparison, Side, Versus
 from replay.archive.summary import at_the_end
 from replay.scoring.count_metrics import METRICS
@@ -86,7 +87,7 @@ def sides_of(
     Raises:
         UsageError: there are not two of anything, or of too many things.
     """
-    from replay.archive.rescored import asked_for
+    from replay.archive.priors import asked_for
 
     asked = asked_for(prior_values, priors, None, {}) if priors or prior_values else {}
     if len(archives) > 1:

@@ -5,16 +5,15 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from formats.errors import FormatError, Notes, UsageError, printable
-from formats.plans.prior_values import read_prior_values
 from formats.result import Counts
 from formats.results.kept import Kept, read_kept
 from replay.archive.finding import FAILED, Found, places, results_in
 from replay.archive.map_scores import map_scores
 from replay.archive.places import RESULT, Place, local
+from replay.archive.priors import Values, asked_for
 from replay.archive.rescoring import VALUES, at_the_end, needs_layers, options_of, through_time
 from replay.archive.rescoring_kernels import Ints
 from replay.scoring.count_metrics import METRICS
@@ -24,7 +23,6 @@ from replay.scoring.measuring import of_results
 if TYPE_CHECKING:
     import pandas as pd
 
-Values = Mapping[str, Any]
 CELLS = ("tp", "fp", "fn", "tn")
 
 
@@ -176,51 +174,6 @@ def failures(results: Place | Iterable[Place]) -> dict[str, str]:
         except (ValueError, KeyError, TypeError, OSError):
             out[one.name.removesuffix(FAILED)] = "failed, and its note cannot be read"
     return out
-
-
-def asked_for(
-    prior_values: Place | Sequence[Place] | None,
-    priors: Mapping[str, Values] | Sequence[Values] | None,
-    grid: Mapping[str, Sequence[float]] | None,
-    values: Values,
-) -> dict[str, Values]:
-    """Label -> values, of all the priors that are asked for.
-
-    Raises:
-        UsageError: a value that needs the log.
-        FormatError: a file of values cannot be read.
-    """
-    from itertools import product
-
-    for name in values:
-        if name not in VALUES:
-            hint = f"without the log these can be changed: {', '.join(VALUES)}"
-            raise UsageError(name, "cannot be changed in a result", hint=hint)
-    common = {name: value for name, value in values.items() if value is not None}
-    out: dict[str, Values] = {}
-    for file in places(prior_values or ()):
-        name = printable(Path(file).name)
-        # An option goes before its value in a file.
-        out[name] = {**read_prior_values(local(file)).options(), **common}
-    if priors is not None:
-        named = priors if isinstance(priors, Mapping) else {_label(each): each for each in priors}
-        out |= {label: {**common, **each} for label, each in named.items()}
-    if grid:
-        for name in grid:
-            if name not in VALUES:
-                raise UsageError(name, "cannot be changed in a result")
-        for combination in product(*grid.values()):
-            each = dict(zip(grid, combination, strict=True))
-            out[_label(each)] = {**common, **each}
-    return out or {_label(common): common}
-
-
-def _label(values: Values) -> str:
-    said = (
-        f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}"
-        for name, value in values.items()
-    )
-    return ", ".join(said) or "as it was"
 
 
 def rows_of(

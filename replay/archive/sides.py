@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from replay.archive.places import Place
-from replay.archive.rescored import Values
+from replay.archive.priors import Values
 from replay.scoring.intervals import Paired
 
 if TYPE_CHECKING:
