@@ -18,6 +18,13 @@ from replay.scoring.history import History
 from replay.world import World
 
 SHOWN = ("precision", "recall", "f2")
+WALL_WORDS = {  # for the colours of replay.pictures.WALL_COLOURS
+    "confirmed": "blue",
+    "moved": "orange",
+    "not there": "red",
+    "unseen": "grey",
+    "found": "green",
+}
 
 
 def said(
@@ -67,6 +74,11 @@ def markdown(
             f"{found['scans']} scans, {found['explored']:.0%} of the scored cells seen",
             "",
         ]
+    if found and found.get("walls"):
+        text += ["", "| walls of the plan | m | colour |", "|---|---|---|"]
+        for state, metres in found["walls"]["metres"].items():
+            text.append(f"| {state} | {metres:.1f} | {WALL_WORDS[state]} |")
+        text.append("")
     text += [f"- **{word}** {line}" for word, texts in lines.items() for line in texts]
     text += [f"- {printable(note, 400)}" for note in (found or {}).get("notes", [])]
     return "\n".join(text)

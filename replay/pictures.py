@@ -14,6 +14,13 @@ Colour = tuple[int, int, int]
 MOST_CELLS = 4_000_000  # a larger map is shown at a lower resolution
 # Okabe and Ito's palette: told apart with any colour vision. Red, green, blue.
 FOUND, MISSED, FALSE = (0, 114, 178), (230, 159, 0), (204, 121, 167)
+WALL_COLOURS: dict[str, Colour] = {
+    "confirmed": (0, 114, 178),
+    "moved": (230, 159, 0),
+    "not there": (213, 94, 0),
+    "unseen": (150, 150, 150),
+    "found": (0, 158, 115),
+}
 CURVE_COLOURS: dict[str, Colour] = {
     "none": (120, 120, 120),
     "bayes": (0, 114, 178),

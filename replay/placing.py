@@ -5,11 +5,14 @@ from __future__ import annotations
 from os import PathLike
 from typing import Any
 
+import numpy as np
+
 from formats.errors import FormatError, Notes
 from formats.plans.file import Plan
 from formats.plans.placement import read_placement
 from replay.registration.aligning import align_files
 from replay.registration.placing import placed
+from replay.registration.seen import Doubles
 
 
 def located(
@@ -18,7 +21,7 @@ def located(
     placement: str | PathLike[str] | None,
     notes: Notes,
     **reading: Any,
-) -> Plan:
+) -> tuple[Plan, list[dict[str, Any]]]:
     """The plan in the frame of the poses.
 
     Args:
@@ -28,11 +31,15 @@ def located(
         notes: told where it lies.
         reading: options of `formats.stream.survey`.
 
+    Returns:
+        The plan, and where it may lie, the place taken first: "score", and "corners" of its picture
+        in the frame of the poses, m; empty where a placement says it.
+
     Raises:
         FormatError: no place on the plan is clearly the best; a placement of something else.
     """
     if placement is not None:
-        return placed(plan, read_placement(placement))
+        return placed(plan, read_placement(placement)), []
     found = align_files(log, plan.path, opened=plan, notes=Notes(), **reading)
     alignment, best = found.alignment, found.alignment.best
     sure = f"confidence {alignment.confidence:.2f}"
@@ -48,4 +55,14 @@ def located(
         f"placed on the log: {1 / best.scale:.4f} m/px, turned {best.turn_deg:.1f} deg{mirror}, "
         f"{sure}",
     )
-    return found.placed
+    shape = plan.occupancy.shape
+    places = [{"score": p.score, "corners": corners_of(p.matrix, shape)} for p in alignment.places]
+    return found.placed, places
+
+
+def corners_of(matrix: Doubles, shape: tuple[int, int]) -> list[list[float]]:
+    """Of a plan's picture (rows, cols) in a log's frame, m, around; matrix as of Place."""
+    rows, cols = shape
+    pixels = np.array([[0, rows], [cols, rows], [cols, 0], [0, 0]]) - 0.5
+    metres = np.linalg.solve(matrix[:, :2], (pixels - matrix[:, 2]).T).T
+    return [[round(float(x), 3), round(float(y), 3)] for x, y in metres]

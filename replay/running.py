@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 from formats.errors import Notes
-from formats.frame import Pose
+from formats.frame import Floats, Pose
 from formats.log import Log
 from formats.plans.plan import Plan
 from formats.result import Result
@@ -27,10 +27,11 @@ from replay.scoring import measuring
 from replay.scoring.history import History
 from replay.scoring.predictive import Predictor
 from replay.sensors.models import MODELS
-from replay.surveying.deviations import deviations
+from replay.surveying.deviations import Deviations, deviations
 from replay.world import World, build_world
 
 if TYPE_CHECKING:
+    from replay.localise.poses import Times
     from replay.trajectories.truth import Judged
 
 Source = str | PathLike[str]
@@ -126,18 +127,24 @@ def run(
         sinks: list[Any] = [stack.enter_context(writer)]
         title = f"{asked.logs[0].name} over {plan.path.name if plan else 'no plan'}"
         if viewer is not None:
-            from replay.viewing.making import scene_of_world
+            from replay.viewing.making import scene_of_world, walls_of
 
             text = facts.markdown(title, said)
-            viewer.show(scene_of_world(world, title, text, asked.main, len(drive), drive.bounds))
+            told = {
+                "spread": spread_of(asked, world, posed),
+                "places": posed.facts.get("places", ()),
+            }
+            viewer.show(
+                scene_of_world(world, title, text, asked.main, len(drive), drive.bounds, **told)
+            )
             sinks.append(viewer)
         predictor, history = None, History(world.curves)
         if measuring.PREDICTIVE in more:
             predictor = Predictor(world.curves, mapper.observe)
         clock.lap("reading")
         frames = drive.frames()
-        told: dict[str, Any] = {"clock": clock, "progress": progress, "predictor": predictor}
-        for step in steps(frames, len(drive), world, mapper, **told):
+        aside: dict[str, Any] = {"clock": clock, "progress": progress, "predictor": predictor}
+        for step in steps(frames, len(drive), world, mapper, **aside):
             for sink in sinks:
                 sink.write(step)
             history.add(step)
@@ -149,11 +156,16 @@ def run(
             grids={name: curve.of(mapper.evidence) for name, curve in world.curves.items()},
             facts={**origin, **facts.ended(history, chosen["region"], notes)},
         )
+        against_plan = compared(world, mapper)
+        if against_plan is not None:
+            result.facts["walls"] = against_plan.facts()
         foretold = predictor.scores() if predictor else {}
         result.facts |= measured(result, world, mapper, more, foretold, intervals=intervals)
         clock.lap("scoring")
         writer.finish(result.facts)
         if viewer is not None:
+            if against_plan is not None:
+                viewer.compare(walls_of(against_plan))
             viewer.report(facts.markdown(title, said, result.facts))
     clock.lap("writing")
     drawn = [str(rrd)] if rrd and viewer and viewer.written else []
@@ -176,21 +188,25 @@ def posed_drive(
     drive = survey(log, notes, poses=wish(chosen["poses"]), **whole)
     decision = decide(chosen["poses"], drive, plan, asked=bool(chosen["pose"]))
     laid = align is not None or chosen["plan_pose"] is not None
+    places: list[dict[str, Any]] = []
     if plan and not (plan.placed or laid) and wish(chosen["poses"]) == "odometry":
         plan = replace(plan, placed=True)  # its lower left corner is the map's origin
     elif plan and (align or not (plan.placed or laid)):
         from replay.placing import located
 
-        plan, laid = located(plan, asked.logs[0], align, notes, **reading), True
+        plan, places = located(plan, asked.logs[0], align, notes, **reading)
+        laid = True
     clock.lap("reading")
-    return plan, pose(decision, drive, plan, notes, chosen, laid=laid, edits=asked.edits)
+    posed = pose(decision, drive, plan, notes, chosen, laid=laid, edits=asked.edits)
+    if places:
+        posed = replace(posed, facts={**posed.facts, "places": places})
+    return plan, posed
 
 
 def writer_of(
     asked: Asked, world: World, posed: Posed, origin: dict[str, Any], *, force: bool
 ) -> ResultWriter:
     """What writes the result."""
-    to_map = asked.chosen["plan_pose"] or Pose(0.0, 0.0, 0.0)
     return ResultWriter(
         asked.out,
         geometry=world.geometry,
@@ -199,12 +215,18 @@ def writer_of(
         layers=world.kept(),
         settings=asked.settings,
         map_to_plan=world.map_to_plan,
-        covariances=posed.covariances(world.map_to_plan.yaw - to_map.yaw),
+        covariances=spread_of(asked, world, posed),
         attachments={path.name: path.read_bytes() for path in world.files},
         facts=origin,
         force=force,
         inputs=asked.inputs,
     )
+
+
+def spread_of(asked: Asked, world: World, posed: Posed) -> tuple[Times, Floats] | None:
+    """Covariances of the poses in the plan's frame, where a localiser found them."""
+    to_map = asked.chosen["plan_pose"] or Pose(0.0, 0.0, 0.0)
+    return posed.covariances(world.map_to_plan.yaw - to_map.yaw)
 
 
 def against_truth(
@@ -243,6 +265,13 @@ def begun(asked: Asked, plan: Plan | None, drive: Drive, notes: Notes) -> tuple[
     return world, mapper
 
 
+def compared(world: World, mapper: Mapper) -> Deviations | None:
+    """The walls of the plan, where there is one, against all that was seen."""
+    if world.plan is None:
+        return None
+    return deviations(mapper.evidence, world.kept(), world.curves["none"].p_levels)
+
+
 def measured(
     result: Result,
     world: World,
@@ -252,11 +281,8 @@ def measured(
     *,
     intervals: bool,
 ) -> dict[str, Any]:
-    """What is measured of the last maps: walls against the plan, and what else was asked for."""
+    """What else was asked for of the last maps."""
     found: dict[str, Any] = {}
-    if world.plan is not None:
-        levels = world.curves["none"].p_levels
-        found["walls"] = deviations(mapper.evidence, world.kept(), levels).facts()
     scored = world.scored
     if result.settings["region"] == "observed":
         scored = scored & (mapper.evidence.visits() > 0)

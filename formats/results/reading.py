@@ -22,7 +22,8 @@ from formats.results.contents import Messages, Stream, fitting, opened
 from formats.results.keyframes import Change
 from formats.sensing.ends import Points
 
-READ = ("/pose", "/cells", "/evidence", "/metrics/", "/scan_points")  # not the rest
+# the rest is for other tools
+READ = ("/pose", "/pose_with_covariance", "/cells", "/evidence", "/metrics/", "/scan_points")
 READ_AGAIN = ("/cells", "/evidence")
 MAX_COUNTS = 1 << 29  # levels * rows * cols: 2 GiB of counts
 
@@ -43,6 +44,7 @@ class RunFile:
         map_to_plan: pose of the plan's frame in the frame of the poses.
         times_ns: (frames,) int64.
         poses: (frames, 3) x, y, yaw of the sensor in the plan's frame.
+        covariances: (frames, 3, 3) of x, y, yaw likewise; None where the poses are taken as exact.
         counts: scored curve -> (frames, 2, 4) int64: observed / unobserved by tp, fp, fn, tn.
         changes: of the evidence, keyframe by keyframe; all of them add up to the whole.
         points: frame -> where its beams ended, (n, 2) m in the plan's frame; of keyframes alone.
@@ -61,6 +63,7 @@ class RunFile:
     map_to_plan: Pose
     times_ns: npt.NDArray[np.int64]
     poses: Floats
+    covariances: Floats | None
     counts: dict[str, npt.NDArray[np.int64]]
     changes: list[Change]
     points: dict[int, Points]
@@ -146,6 +149,11 @@ def _run_file(
         name: _curve(geometry, levels, layers, entry) for name, entry in record["curves"].items()
     }
     changes = [_change(geometry, levels, frames, data) for _, data in messages.get("/evidence", [])]
+    spread = None
+    if sure := messages.get("/pose_with_covariance"):
+        spread = records.covariances(_records(records.COVARIANCE_RECORD, sure, frames))
+        if not np.isfinite(spread).all():
+            raise ValueError("a covariance that is not finite")
     place = Pose(*map(float, record["map_to_plan"]))
     times = np.array([time for time, _ in messages["/pose"]], dtype=np.int64)
     if not np.isfinite([geometry.x, geometry.y, *place, *poses["pose"].ravel()]).all():
@@ -164,6 +172,7 @@ def _run_file(
         map_to_plan=place,
         times_ns=times,
         poses=records.poses(poses["pose"]),
+        covariances=spread,
         counts={name: part["counts"].astype(np.int64) for name, part in scored.items()},
         changes=changes,
         points=_points(times, messages.get("/scan_points", [])),

@@ -104,6 +104,13 @@ def covariance_records(
     return out
 
 
+def covariances(rows: npt.NDArray[Any]) -> Floats:
+    """(n, 3, 3) of x, y, yaw from COVARIANCE_RECORDs."""
+    some = np.array([0, 1, 5])
+    found: Floats = rows["covariance"][:, some[:, None], some].astype(np.float64)
+    return found
+
+
 def tf_records(times_ns: npt.NDArray[np.int64], poses: Floats) -> npt.NDArray[Any]:
     """tf2_msgs/TFMessage: one transform, plan -> sensor."""
     out = stamped(TF_RECORD, times_ns)

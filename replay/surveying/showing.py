@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formats.frame import Pose
+from replay.pictures import WALL_COLOURS
 from replay.surveying.compare import Wall
 from replay.surveying.deviations import Deviations
 
@@ -18,14 +19,6 @@ Pixels = npt.NDArray[np.uint8]
 SIDE = 1600  # px that the picture's longer side has at least
 LABELLED = 0.5  # m: shorter walls get no number
 HERE = Pose(0.0, 0.0, 0.0)
-# Okabe and Ito's palette, told apart with any colour vision; red, green, blue.
-COLOURS = {
-    "confirmed": (0, 114, 178),
-    "moved": (230, 159, 0),
-    "not there": (213, 94, 0),
-    "unseen": (170, 170, 170),
-    "found": (0, 158, 115),
-}
 FREE, HIT, DRAWN = (232, 243, 232), (120, 120, 120), (225, 225, 225)
 
 
@@ -52,7 +45,7 @@ def picture(deviations: Deviations) -> Pixels:
 
     thick = max(2, times // 2)
     for number, wall in d.numbered():
-        colour = COLOURS[wall.state][::-1]
+        colour = WALL_COLOURS[wall.state][::-1]
         a, b = px(wall.start), px(wall.end)
         cv2.line(image, a, b, colour, thick, cv2.LINE_AA)
         if wall.state == "moved":
@@ -63,7 +56,7 @@ def picture(deviations: Deviations) -> Pixels:
         if wall.state in ("moved", "not there") and wall.length >= LABELLED:
             _label(image, f"W{number}", a, b, colour)
     for number, extra in enumerate(d.found, 1):
-        colour = COLOURS["found"][::-1]
+        colour = WALL_COLOURS["found"][::-1]
         a, b = px(extra.start), px(extra.end)
         cv2.line(image, a, b, colour, thick, cv2.LINE_AA)
         if extra.inside:
@@ -97,7 +90,7 @@ def _legend(wide: int, d: Deviations) -> Pixels:
     out = np.full((36, wide, 3), 255, np.uint8)
     x = 12
     for name, (_, metres) in d.summary().items():
-        cv2.line(out, [x, 18], [x + 30, 18], COLOURS[name][::-1], 4, cv2.LINE_AA)
+        cv2.line(out, [x, 18], [x + 30, 18], WALL_COLOURS[name][::-1], 4, cv2.LINE_AA)
         text = f"{name} {metres:.1f} m"
         cv2.putText(out, text, [x + 38, 23], cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 0, 0), 1)
         x += 60 + 9 * len(text)

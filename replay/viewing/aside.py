@@ -21,11 +21,11 @@ from formats.result import Step
 from formats.results.keyframes import change
 from formats.sensing.ends import Points, end_points
 from replay.viewing.helper import Helper
-from replay.viewing.scene import BATCH, BUDGET, Block, Keyframe, Scene, explored, strides
+from replay.viewing.scene import BATCH, BUDGET, Block, Keyframe, Scene, Walls, explored, strides
 
 ADDRESS = re.compile(r"rerun(\+https?)?://(?P<host>[^/\s]+):(?P<port>\d{1,5})/proxy")
 LEAST = 1 << 23  # bytes free, below which a recording is not begun
-Sendable = Scene | Block | Keyframe | str | None
+Sendable = Scene | Block | Keyframe | Walls | str | None
 
 
 class Viewer:
@@ -112,6 +112,11 @@ class Viewer:
         """The text panel from now on."""
         self._flush()
         self._send(markdown)
+
+    def compare(self, walls: Walls) -> None:
+        """The plan against the building, when all has been seen."""
+        self._flush()
+        self._send(walls)
 
     def write(self, step: Step) -> None:
         """Takes a step; it goes out with its batch, evidence at keyframes."""

@@ -21,11 +21,23 @@ from replay.pictures import (
     FALSE,
     FOUND,
     MISSED,
+    WALL_COLOURS,
     error_kinds,
     thinning,
 )
 from replay.viewing.panels import METRICS
-from replay.viewing.scene import BATCH, BUDGET, MAP_SHARE, Block, Keyframe, Scene, explored, strides
+from replay.viewing.scene import (
+    BATCH,
+    BUDGET,
+    MAP_SHARE,
+    Block,
+    Keyframe,
+    Scene,
+    Walls,
+    ellipses,
+    explored,
+    strides,
+)
 from replay.viewing.shades import Shades
 
 PLAN_CLASSES = (
@@ -35,7 +47,8 @@ PLAN_CLASSES = (
 )
 ERROR_CLASSES = (("found", FOUND), ("missed", MISSED), ("false", FALSE))
 SHADES_PACKED, KINDS_PACKED = 6, 16  # times smaller, about, maps are on their way
-SCAN, PATH, POSE = (213, 94, 0), (0, 158, 115), (0, 90, 50)
+SCAN, PATH, POSE, SPREAD = (213, 94, 0), (0, 158, 115), (0, 90, 50), (150, 60, 120)
+TAKEN, RUNNER_UP = (0, 114, 178), (230, 159, 0)  # places of the plan
 Send = Callable[[Callable[[Any], None]], None]
 
 
@@ -98,6 +111,9 @@ class Drawing:
         look = {"colors": [SCAN], "radii": [0.03]}
         self._log("plan/robot/scan", rr.Points2D.from_fields(**look), static=True)
         self._log("plan/robot/pose", rr.Arrows2D.from_fields(colors=[POSE]), static=True)
+        look = {"colors": [SPREAD], "radii": [0.02]}
+        self._log("plan/robot/covariance", rr.LineStrips2D.from_fields(**look), static=True)
+        self._places()
         self.report(scene.report)
         for curve in self._curves():
             main = self._colour is not None and curve == scene.main
@@ -112,6 +128,26 @@ class Drawing:
             widths=[2],
         )
         self._log("coverage/seen", line, static=True)
+
+    def _places(self) -> None:
+        """Outlines of the plan where it may lie, with their scores; the one taken on top."""
+        for number, place in reversed(list(enumerate(self._scene.places))):
+            outline = rr.LineStrips2D(
+                [np.concatenate([place.corners, place.corners[:1]])],
+                colors=[RUNNER_UP if number else TAKEN],
+                radii=[0.02 if number else 0.06],
+                labels=[f"{'runner-up ' + str(number) if number else 'taken'}: {place.score:.2f}"],
+                show_labels=True,
+            )
+            self._log(f"plan/places/{number}", outline, static=True)
+
+    def walls(self, walls: Walls) -> None:
+        """The plan against the building, in the colours of its walls' states."""
+        for state, colour in WALL_COLOURS.items():
+            ends = walls.lines.get(state)
+            if ends is not None and len(ends):
+                lines = rr.LineStrips2D(ends, colors=[colour], radii=[0.06])
+                self._log(f"plan/walls/{state.replace(' ', '_')}", lines, static=True)
 
     def _curves(self) -> list[str]:
         """Those whose scores are drawn: beside other runs, not the paper's rule as well."""
@@ -147,6 +183,12 @@ class Drawing:
             heading = 0.4 * np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], axis=1)
             arrows = rr.Arrows2D.columns(origins=poses[:, :2], vectors=heading)
             self._columns("plan/robot/pose", times, arrows)
+            if self._scene.spread is not None:
+                known, spread = self._scene.spread
+                at = np.minimum(np.searchsorted(known, block.times_ns[some]), len(known) - 1)
+                strips = ellipses(spread[at], poses[:, :2])
+                columns = rr.LineStrips2D.columns(strips=strips)
+                self._columns("plan/robot/covariance", times, columns)
         self._scans(block, seen)
         for start in range(0, len(some), BATCH):
             self._path(block, some[start : start + BATCH], seen)

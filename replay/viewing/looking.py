@@ -6,7 +6,7 @@ import os
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 from formats.errors import FormatError, Notes, UsageError
@@ -14,8 +14,9 @@ from formats.errors import Path as AnyPath
 from formats.output import atomic, check_output, check_room
 from formats.results.file import RunFile, read_result
 from replay.pictures import RUN_COLOURS
+from replay.surveying.deviating import of_run
 from replay.viewing.drawing import Drawing
-from replay.viewing.making import events, scene_of_file
+from replay.viewing.making import events, scene_of_file, walls_of
 from replay.viewing.panels import blueprint
 from replay.viewing.process import start_viewer
 from replay.viewing.scene import BUDGET, Block, Scene
@@ -150,6 +151,9 @@ def record(
                     drawing.block(event)
                 else:
                     drawing.keyframe(event)
+            if scene.drawn or scene.walls.any():
+                with suppress(FormatError):  # a plan without walls
+                    drawing.walls(walls_of(of_run(run)))
             drawing.close()
         gone = streams.close()
     except OSError as error:

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from formats.frame import Pose
 from formats.grid import Geometry
 from formats.plans.plan import Extent
 from formats.results.file import RunFile
 from replay.facts import markdown
 from replay.pictures import Bools
-from replay.viewing.scene import Block, Keyframe, Scene, explored
+from replay.surveying.deviations import Deviations
+from replay.viewing.scene import Block, Keyframe, Outline, Scene, Walls, explored
 from replay.world import World
 
 AT_ONCE = 4096  # frames a block
@@ -21,7 +23,15 @@ MARGIN = 1.0  # m around what is worth looking at
 
 
 def scene_of_world(
-    world: World, title: str, report: str, main: str, frames: int, bounds: Extent
+    world: World,
+    title: str,
+    report: str,
+    main: str,
+    frames: int,
+    bounds: Extent,
+    *,
+    spread: tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]] | None = None,
+    places: Sequence[Mapping[str, Any]] = (),
 ) -> Scene:
     """The scene of a run that is about to start.
 
@@ -29,6 +39,8 @@ def scene_of_world(
         world: plan and truth on their lattice.
         title, report, main, frames: see Scene.
         bounds: x0, y0, x1, y1 of the poses in their own frame, m.
+        spread: see Scene.
+        places: of the plan, as `replay.placing.located` tells.
     """
     a, b, c, d = bounds
     corners = world.map_to_plan.inverse().apply([(a, b), (a, d), (c, b), (c, d)])
@@ -50,6 +62,8 @@ def scene_of_world(
         scored=world.scored,
         extent=_padded(extent),
         frames=frames,
+        spread=spread,
+        places=_outlines(places, world.map_to_plan),
     )
 
 
@@ -75,7 +89,27 @@ def scene_of_file(run: RunFile, name: str) -> Scene:
         scored=scored,
         extent=_padded(around(shown, geometry)),
         frames=len(run.times_ns),
+        spread=None if run.covariances is None else (run.times_ns, run.covariances),
+        places=_outlines(run.facts.get("places", ()), run.map_to_plan),
     )
+
+
+def walls_of(found: Deviations) -> Walls:
+    """What the viewer draws of deviations."""
+    lines: dict[str, list[Any]] = {}
+    for wall in found.walls:
+        lines.setdefault(wall.state, []).append((wall.start, wall.end))
+    inside = [(extra.start, extra.end) for extra in found.found if extra.inside]
+    if inside:
+        lines["found"] = inside
+    metres = {name: length for name, (_, length) in found.summary().items()}
+    return Walls({name: np.array(ends) for name, ends in lines.items()}, metres)
+
+
+def _outlines(places: Sequence[Mapping[str, Any]], map_to_plan: Pose) -> tuple[Outline, ...]:
+    """Places of the plan, told in the frame of the poses, in the plan's own."""
+    back = map_to_plan.inverse()
+    return tuple(Outline(float(p["score"]), back.apply(p["corners"])) for p in places)
 
 
 def events(run: RunFile) -> Iterator[Block | Keyframe]:

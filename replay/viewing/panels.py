@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 import rerun.blueprint as rrb
 
 from replay.viewing.scene import Scene
 
 METRICS = {"f2": "F2", "precision": "Precision", "recall": "Recall"}
 ERRORS = "Errors: found blue, missed orange, false pink"
+WALLS = "Walls: blue kept, orange moved, red not there, green new"
+PLACES = "Plan's place: blue taken, orange runners-up"
 PAPER = (245, 245, 245)
 WHOLE = rrb.TimeRange(rrb.TimeRangeBoundary.infinite(), rrb.TimeRangeBoundary.infinite())
 ON_TOP = ("plan/drawing", "plan/robot")  # what lies over every map
@@ -40,14 +43,18 @@ def _single(scene: Scene) -> Any:
         maps.append(_map(scene, "", "errors", ERRORS))
     report = rrb.TextDocumentView(origin="/report", name="Report")
     coverage = _series(["/coverage/**"], "Coverage")
+    if scene.walls.any():
+        plan = [_map(scene, "", "walls", WALLS), _map(scene, "", "plan", "Plan")]
+        if scene.places:
+            plan.insert(1, _places(scene))
+        maps.append(rrb.Tabs(*plan, active_tab=0) if scene.places else plan[0])
     if not scene.scored.any():
         return rrb.Horizontal(*maps, report, column_shares=[3] * len(maps) + [1])
-    plan = _map(scene, "", "plan", "Plan")
     return rrb.Vertical(
         rrb.Horizontal(*maps),
         rrb.Horizontal(
             *(_series([f"/score/{key}/**"], name) for key, name in METRICS.items()),
-            rrb.Tabs(coverage, plan, active_tab=0),
+            coverage,
             report,
         ),
         row_shares=[3, 2],
@@ -85,6 +92,19 @@ def _map(scene: Scene, root: str, entity: str, name: str) -> Any:
         origin="/",  # above the flip: inside it y would point down
         name=name,
         contents=[f"+ {root}/plan", *own, *(f"+ {root}/{part}/**" for part in ON_TOP)],
+        visual_bounds=rrb.VisualBounds2D(x_range=(x0, x1), y_range=(-y1, -y0)),
+        background=rrb.Background(color=PAPER),
+    )
+
+
+def _places(scene: Scene) -> Any:
+    """Wide enough for every place of the plan."""
+    corners = np.concatenate([place.corners for place in scene.places])
+    (x0, y0), (x1, y1) = corners.min(axis=0) - 1.0, corners.max(axis=0) + 1.0
+    return rrb.Spatial2DView(
+        origin="/",
+        name=PLACES,
+        contents=["+ /plan", *(f"+ /plan/{part}/**" for part in ("places", "without_prior"))],
         visual_bounds=rrb.VisualBounds2D(x_range=(x0, x1), y_range=(-y1, -y0)),
         background=rrb.Background(color=PAPER),
     )

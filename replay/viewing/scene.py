@@ -19,7 +19,8 @@ BATCH = 256  # frames a batch: small enough to look live, large enough to cost l
 BUDGET = 150.0  # MB that are sent of a run, about
 SCAN_SHARE, SCORE_SHARE, MAP_SHARE = 0.45, 0.15, 0.4  # of the budget
 MOST_SCANS = 9000  # drawn of a run: a quarter of an hour at 10 Hz; more cost time and show little
-SCAN_BYTES, SCORE_BYTES = 8 * MOST_POINTS, 500  # of a frame, about
+SCAN_BYTES, SCORE_BYTES = 8 * MOST_POINTS, 700  # of a frame, about
+ARC, SURE = 25, 5.991  # points of an ellipse; 95 % of chi squared with two degrees of freedom
 
 
 class Block(NamedTuple):
@@ -54,6 +55,30 @@ class Keyframe(NamedTuple):
     explored: float
 
 
+class Walls(NamedTuple):
+    """The plan against the building, at the end of a run.
+
+    Attributes:
+        lines: state of `replay.pictures.WALL_COLOURS` -> (n, 2, 2) ends, m.
+        metres: the same -> how much there is of it.
+    """
+
+    lines: dict[str, Floats]
+    metres: dict[str, float]
+
+
+class Outline(NamedTuple):
+    """Where the plan's picture may lie under the log.
+
+    Attributes:
+        score: 0 to 1, how well it fits there.
+        corners: (4, 2) m.
+    """
+
+    score: float
+    corners: Floats
+
+
 @dataclass(frozen=True, slots=True)
 class Scene:
     """What does not change during a run; it travels between processes.
@@ -69,6 +94,9 @@ class Scene:
         truth, scored: cells that are wall in truth, and cells that count.
         extent: x0, y0, x1, y1 that is worth looking at, m.
         frames: how many will come, as far as known.
+        spread: times (m,) ns, ascending, and covariances (m, 3, 3) of the pose in the plan's frame;
+            None: the poses are taken as exact.
+        places: where the plan may lie, the one taken first; none where it was not searched for.
     """
 
     title: str
@@ -84,6 +112,8 @@ class Scene:
     scored: Bools
     extent: Extent
     frames: int
+    spread: tuple[npt.NDArray[np.int64], Floats] | None = None
+    places: tuple[Outline, ...] = ()
 
     @property
     def drawn(self) -> bool:
@@ -104,3 +134,18 @@ def explored(counts: npt.NDArray[np.int64]) -> Floats:
     cells = counts.sum(axis=2).astype(np.float64)
     every = cells.sum(axis=1)
     return np.divide(cells[:, 0], every, out=np.zeros_like(every), where=every > 0)
+
+
+def ellipses(covariances: Floats, places: Floats) -> Floats:
+    """(n, ARC, 2) outlines that hold a pose's place with 95 %.
+
+    Args:
+        covariances: (n, 3, 3) of x, y, yaw; m2.
+        places: (n, 2) m, the centres.
+    """
+    values, vectors = np.linalg.eigh(covariances[:, :2, :2])
+    axes = vectors * np.sqrt(SURE * np.maximum(values, 0.0))[:, None, :]
+    angles = np.linspace(0.0, 2.0 * np.pi, ARC)
+    circle = np.stack([np.cos(angles), np.sin(angles)])
+    outlines: Floats = places[:, None, :] + np.swapaxes(axes @ circle, 1, 2)
+    return outlines

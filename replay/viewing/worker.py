@@ -18,7 +18,7 @@ from formats.errors import FormatError
 from replay.viewing.drawing import Drawing
 from replay.viewing.panels import blueprint
 from replay.viewing.process import start_viewer
-from replay.viewing.scene import Block, Keyframe, Scene
+from replay.viewing.scene import Block, Keyframe, Scene, Walls
 from replay.viewing.streams import Streams
 
 
@@ -54,6 +54,8 @@ def _draw(asked: dict[str, Any]) -> str:
                 drawing.block(block)
             case Keyframe() as keyframe if drawing is not None:
                 drawing.keyframe(keyframe)
+            case Walls() as walls if drawing is not None:
+                drawing.walls(walls)
             case str() as report if drawing is not None:
                 drawing.report(report)
     if drawing is None or streams is None:

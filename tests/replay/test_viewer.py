@@ -14,14 +14,18 @@ from typing import Any
 import numpy as np
 import pytest
 import rerun as rr
+from scipy.stats import chi2
 
 from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Frame, Pose, Scan
 from formats.results.file import read_result
 from formats.sensing.ends import end_points
-from replay import run, view
+from replay import deviation, run, view
 from replay.pictures import FALSE, FOUND, MISSED, coloured, errors, png, thinning
+from replay.placing import corners_of
+from replay.viewing.looking import record
 from replay.viewing.process import start_unseen
+from replay.viewing.scene import ellipses
 
 ROOT = Path(__file__).resolve().parents[2]
 SAMPLES = ROOT / "sample_logs"
@@ -347,6 +351,78 @@ def test_north_is_up(tmp_path: Path) -> None:
     assert shown is not None
     first = shown[70:640, 150:500].astype(float)  # the view of the map with prior
     assert first[: len(first) // 2 - 40].mean() > first[len(first) // 2 + 40 :].mean() + 30
+
+
+def lines(recording: Path, entity: str) -> list[Any]:
+    """The strips that hold throughout."""
+    for chunk in rr.chunk.RrdReader(str(recording)).stream().filter(content=entity):
+        batch = chunk.to_record_batch()
+        names = [name for name in batch.schema.names if name.endswith("strips")]
+        if names and "frame" not in batch.schema.names:
+            return list(batch[names[0]].to_pylist()[0])
+    return []
+
+
+def test_walls_show_what_became_of_them(recorded: tuple[Path, Any], tmp_path: Path) -> None:
+    """The same lines live, from the result, and in the table of `replay deviation`."""
+    path, result = recorded
+    told = deviation(result.facts["result"], tmp_path)
+    view(result.facts["result"], rrd=tmp_path / "again.rrd")
+    for state in ("confirmed", "not there", "unseen"):
+        ends = [[wall["from"], wall["to"]] for wall in told["walls"] if wall["state"] == state]
+        assert ends
+        for recording in (path, tmp_path / "again.rrd"):
+            shown = lines(recording, f"/plan/walls/{state.replace(' ', '_')}")
+            assert np.allclose(shown, ends, atol=2e-3)
+
+
+def test_an_ellipse_holds_95_percent() -> None:
+    turn = np.array([[0.6, -0.8], [0.8, 0.6]])
+    covariance = np.zeros((1, 3, 3))
+    covariance[0, :2, :2] = turn @ np.diag([4.0, 0.25]) @ turn.T
+    (outline,) = ellipses(covariance, np.array([[10.0, -3.0]]))
+    own = (outline - (10.0, -3.0)) @ turn  # along its axes
+    assert np.allclose(
+        (own[:, 0] / 2.0) ** 2 + (own[:, 1] / 0.5) ** 2, chi2.ppf(0.95, 2), atol=1e-3
+    )
+    assert np.allclose(outline[0], outline[-1])
+
+
+def test_covariances_are_drawn_where_a_localiser_tells_them(tmp_path: Path) -> None:
+    result = run(
+        SAMPLES / "turtlebot.mcap",
+        SAMPLES / "plan.png",
+        poses="amcl",
+        every=200,
+        duration=30.0,
+        output=tmp_path / "run.replay.mcap",
+        rrd=tmp_path / "run.rrd",
+    )
+    view(result.facts["result"], rrd=tmp_path / "again.rrd")
+    live = column(tmp_path / "run.rrd", "/plan/robot/covariance", "strips")
+    back = read_result(result.facts["result"])
+    assert back.covariances is not None
+    assert np.allclose(
+        np.array(live)[:, 0], ellipses(back.covariances, back.poses[:, :2]), atol=1e-4
+    )
+    assert np.allclose(column(tmp_path / "again.rrd", "/plan/robot/covariance", "strips"), live)
+
+
+def test_places_of_the_plan_are_outlined(recorded: tuple[Path, Any], tmp_path: Path) -> None:
+    """A picture of 2 by 1 m at 10 px a metre whose lower left corner lies at -0.55, -0.45 m."""
+    matrix = np.array([[10.0, 0.0, 5.0], [0.0, -10.0, 95.0]])
+    corners = corners_of(matrix, (100, 200))
+    assert corners == [[-0.55, -0.45], [19.45, -0.45], [19.45, 9.55], [-0.55, 9.55]]
+    found = read_result(recorded[1].facts["result"])
+    found.facts["places"] = [
+        {"score": 0.7, "corners": corners},
+        {"score": 0.6, "corners": [[0, 0], [0, 1], [1, 1], [1, 0]]},
+    ]
+    record([found], tmp_path / "run.rrd", None)
+    taken = found.map_to_plan.inverse().apply(corners)
+    (shown,) = lines(tmp_path / "run.rrd", "/plan/places/0")
+    assert np.allclose(shown, [*taken, taken[0]], atol=1e-5)
+    assert lines(tmp_path / "run.rrd", "/plan/places/1")
 
 
 def test_errors_are_coloured_by_kind() -> None:
