@@ -48,6 +48,7 @@ PLAN_CLASSES = (
 ERROR_CLASSES = (("found", FOUND), ("missed", MISSED), ("false", FALSE))
 SHADES_PACKED, KINDS_PACKED = 6, 16  # times smaller, about, maps are on their way
 SCAN, PATH, POSE, SPREAD = (213, 94, 0), (0, 158, 115), (0, 90, 50), (150, 60, 120)
+THIN, THICK = rr.Radius.ui_points(0.75), rr.Radius.ui_points(1.75)  # seen however large the plan
 TAKEN, RUNNER_UP = (0, 114, 178), (230, 159, 0)  # places of the plan
 Send = Callable[[Callable[[Any], None]], None]
 
@@ -132,13 +133,15 @@ class Drawing:
     def _places(self) -> None:
         """Outlines of the plan where it may lie, with their scores; the one taken on top."""
         for number, place in reversed(list(enumerate(self._scene.places))):
-            outline = rr.LineStrips2D(
-                [np.concatenate([place.corners, place.corners[:1]])],
-                colors=[RUNNER_UP if number else TAKEN],
-                radii=[0.02 if number else 0.06],
-                labels=[f"{'runner-up ' + str(number) if number else 'taken'}: {place.score:.2f}"],
-                show_labels=True,
+            colour, name = (RUNNER_UP, f"runner-up {number}") if number else (TAKEN, "taken")
+            wide = THIN if number else THICK
+            around = np.concatenate([place.corners, place.corners[:1]])
+            outline = rr.LineStrips2D([around], colors=[colour], radii=[wide])
+            corner = place.corners[number % 4]  # in turn, so that fewer labels meet
+            label = rr.Points2D(
+                [corner], colors=[colour], radii=[wide], labels=[f"{name}: {place.score:.2f}"]
             )
+            self._log(f"plan/places/{number}/label", label, static=True)
             self._log(f"plan/places/{number}", outline, static=True)
 
     def walls(self, walls: Walls) -> None:
@@ -146,7 +149,7 @@ class Drawing:
         for state, colour in WALL_COLOURS.items():
             ends = walls.lines.get(state)
             if ends is not None and len(ends):
-                lines = rr.LineStrips2D(ends, colors=[colour], radii=[0.06])
+                lines = rr.LineStrips2D(ends, colors=[colour], radii=[THICK])
                 self._log(f"plan/walls/{state.replace(' ', '_')}", lines, static=True)
 
     def _curves(self) -> list[str]:
