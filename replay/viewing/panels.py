@@ -100,7 +100,8 @@ def _map(scene: Scene, root: str, entity: str, name: str) -> Any:
 def _places(scene: Scene) -> Any:
     """Wide enough for every place of the plan."""
     corners = np.concatenate([place.corners for place in scene.places])
-    (x0, y0), (x1, y1) = corners.min(axis=0) - 1.0, corners.max(axis=0) + 1.0
+    room = 0.15 * np.ptp(corners, axis=0).max()  # for labels at the corners
+    (x0, y0), (x1, y1) = corners.min(axis=0) - room, corners.max(axis=0) + room
     return rrb.Spatial2DView(
         origin="/",
         name=PLACES,
