@@ -31,8 +31,9 @@ class Covered(NamedTuple):
 
     @property
     def share(self) -> float:
-        """Of statements and branches together, as coverage has it."""
-        return (self.ran + self.taken) / max(self.statements + self.branches, 1)
+        """Of statements and branches together, as coverage has it; 1 where there is none."""
+        every = self.statements + self.branches
+        return (self.ran + self.taken) / every if every else 1.0
 
 
 def modules(data: str) -> dict[str, Covered]:

@@ -9,7 +9,7 @@ computed from its direction alone.
 
 from __future__ import annotations
 
-from math import ceil, cos, floor, nan, sin
+from math import ceil, cos, nan, sin
 
 import numpy as np
 import numpy.typing as npt
@@ -259,8 +259,9 @@ def ends(
     for k in range(order.size):
         r = front[order[k]]
         r = r if r > 0.0 else nan
-        points[0, k] = floor(place[0] + r * (c * centres[0, k] - s * centres[1, k]))
-        points[1, k] = floor(place[1] + r * (s * centres[0, k] + c * centres[1, k]))
+        # numpy's floor keeps nan; that of math makes an integer, and nan has none.
+        points[0, k] = np.floor(place[0] + r * (c * centres[0, k] - s * centres[1, k]))
+        points[1, k] = np.floor(place[1] + r * (s * centres[0, k] + c * centres[1, k]))
     n = 0
     rows, columns = float(counts.shape[1]), float(counts.shape[2])
     column, row = -1.0, -1.0

@@ -11,6 +11,7 @@ from formats.errors import FormatError
 from formats.messages import Numbers, Transform
 from formats.streaming.clock import SECOND, Clock
 from formats.streaming.tf import Tree
+from formats.streaming.track import Why
 from tests.trees import numbers, put, tree
 
 
@@ -145,3 +146,110 @@ def test_forgotten_edges_are_those_that_lead_nowhere() -> None:
     tf.forget({"laser"})
     assert tf.lookup("odom", "laser", [0]).valid.all()
     assert not tf.lookup("base", "wheel", [0]).valid.any()
+
+
+def test_static_transforms_that_change_are_counted_and_repeated_ones_are_not() -> None:
+    tf = tree()
+    for x in (1.0, 1.0, 2.0, 2.0, 3.0):
+        put(tf, "base", "laser", 0.0, numbers(x, 0, 0), static=True)
+    assert tf.lookup("base", "laser", [0]).matrices[0, 0, 3] == 3.0
+    assert [(note.problem, note.count) for note in tf.notes] == [
+        ("base > laser: another static value (the last one counts)", 2)
+    ]
+
+
+def test_a_static_turn_alone_is_another_value() -> None:
+    tf = tree()
+    for yaw in (0.0, 0.1):
+        put(tf, "base", "laser", 0.0, numbers(0, 0, yaw), static=True)
+    tf.lookup("base", "laser", [0])
+    assert len(problems(tf)) == 1
+
+
+def test_pairs_of_frames_have_a_limit() -> None:
+    tf = tree()
+    for k in range(10_003):
+        put(tf, "map", f"f{k}", 0.0, static=True)
+    assert len(tf.edges) == 10_000
+    put(tf, "map", "f5", 0.0, static=True)  # known ones go on
+    assert tf.edges["map", "f5"] == 2
+    assert [(note.problem, note.count) for note in tf.notes] == [
+        ("transforms beyond 10000 pairs of frames ignored", 3)
+    ]
+
+
+def test_of_parents_with_as_many_transforms_the_later_counts() -> None:
+    tf = tree()
+    for parent in ("map", "odom"):
+        put(tf, parent, "base", 0.0)
+    assert tf.parents == {"base": "odom"}
+
+
+def test_a_frame_below_a_loop_and_its_relatives() -> None:
+    tf = tree()
+    put(tf, "b", "c", 0.0)
+    put(tf, "c", "b", 0.0)
+    put(tf, "c", "d", 0.0)
+    put(tf, "map", "odom", 0.0)
+    put(tf, "odom", "base", 0.0)
+    with pytest.raises(FormatError, match=r"loop, (b > c > b|c > b > c)"):
+        tf.ancestors("d")
+    assert tf.relatives("base") == ["base", "map", "odom"]
+    assert tf.relatives("elsewhere") == []
+
+
+def test_stamps_before_1970_are_dropped_and_counted() -> None:
+    tf = tree()
+    for t in (-0.1, 0.1, 0.2, 0.3):
+        put(tf, "odom", "base", t, numbers(t, 0, 0))
+    track = tf.track(("odom", "base"))
+    assert (track.times_ns / SECOND).tolist() == [0.1, 0.2, 0.3]
+    assert [(note.problem, note.count) for note in tf.notes] == [
+        ("odom > base: stamp before 1970 (dropped)", 1)
+    ]
+
+
+def test_what_moves() -> None:
+    """By translation alone, by a turn alone; one value again and again does not, nor a mounting."""
+    tf = tree()
+    for k in range(3):
+        put(tf, "a", "still", k / 10, numbers(1, 2, 0.5))
+        put(tf, "a", "pushed", k / 10, numbers(1, 2 + k / 100, 0.5))
+        put(tf, "a", "turned", k / 10, numbers(1, 2, 0.5 + k / 100))
+    put(tf, "a", "fixed", 0.0, static=True)
+    moving = {child: tf.moves(("a", child)) for child in ("still", "pushed", "turned", "fixed")}
+    assert moving == {"still": False, "pushed": True, "turned": True, "fixed": False}
+    samples = tf.samples(("a", "still"))
+    assert samples is not None
+    assert len(samples) == 3
+    assert tf.samples(("a", "fixed")) is None
+
+
+@pytest.mark.parametrize(
+    ("x", "yaw", "seconds", "jumps"),
+    [
+        (1.5, 0.0, 0.1, True),  # 15 m/s
+        (1.5, 0.0, 0.2, False),  # 7.5 m/s
+        (0.9, 0.0, 0.05, False),  # 18 m/s over less than a metre
+        (0.0, 1.05, 0.1, True),  # 10.5 rad/s
+        (0.0, 1.05, 0.11, False),  # 9.5 rad/s
+        (0.0, 0.9, 0.05, False),  # less than 1 rad
+    ],
+)
+def test_a_teleport_is_long_and_fast(x: float, yaw: float, seconds: float, jumps: bool) -> None:
+    tf = tree()
+    put(tf, "odom", "base", 0.0)
+    put(tf, "odom", "base", seconds, numbers(x, 0, yaw))
+    assert (tf.track(("odom", "base")).broken[0] == Why.JUMP) == jumps
+
+
+@pytest.mark.parametrize(("steps", "gap", "held"), [(20, 9.0, True), (20, 11.0, False)])
+def test_poses_that_always_come_seldom_have_longer_gaps(steps: int, gap: float, held: bool) -> None:
+    """Every 3 s: five times that are 15 s, of which 10 s count."""
+    tf = tree()
+    for k in range(steps):
+        put(tf, "odom", "base", 3.0 * k)
+    put(tf, "odom", "base", 3.0 * (steps - 1) + gap)
+    middle = round((3.0 * (steps - 1) + gap / 2) * SECOND)
+    assert tf.lookup("odom", "base", [middle]).valid.tolist() == [held]
+    assert tf.lookup("odom", "base", [round(4.5 * SECOND)]).valid.all()

@@ -107,6 +107,7 @@ def test_no_probability_is_an_error_of_usage(options: dict[str, float]) -> None:
         ((0.7, 0.4), (0.2, 0.9, 0.9), "miss hit"),  # the default of replay run
         ((0.8, 0.2), (0.4, 0.75, 0.9), ""),  # X2: 0.8 > 0.675 and 0.2 < 0.36
         ((0.9, 0.1), (0.2, 0.9, 1.0), "miss"),  # unscaled: 0.9 against 0.9
+        ((0.75, 0.05), (0.25, 0.9, 1.0), "hit"),  # 0.25 against 0.25
     ],
 )
 def test_equation_13(
