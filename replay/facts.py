@@ -105,7 +105,7 @@ def warn(world: World, options: Options, notes: Notes) -> None:
 def origin(world: World, drive: Drive, log: Log) -> dict[str, Any]:
     """What the result rests on: versions, hashes, choices."""
     truth = world.truth
-    against = "against nothing: no plan and no truth"
+    against = "against nothing: no plan (--prior) and no truth (--truth)"
     if truth is not None:
         name = "the plan" if truth is world.plan else printable(truth.path.name)
         against = f"against {name}"

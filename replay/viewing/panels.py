@@ -117,6 +117,6 @@ def _series(entities: Sequence[str], name: str) -> Any:
         name=name,
         contents=[f"+ {entity}" for entity in entities],
         axis_x=rrb.TimeAxis(view_range=WHOLE),
-        axis_y=rrb.ScalarAxis(range=(0.0, 1.0), zoom_lock=True),
+        axis_y=rrb.ScalarAxis(range=(-0.05, 1.05), zoom_lock=True),
         plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightBottom),
     )
