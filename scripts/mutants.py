@@ -99,6 +99,43 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "Gt -> GtE",
     ): "a weight of 0 has no magnitude, so it does not come here",
     (
+        "formats.streaming.tf",
+        'odd["another static value (the last one counts)"] = 1',
+        "1 -> 2",
+    ): "that it is there is what counts",
+    (
+        "replay.scoring.scorer",
+        "self._readings = 0 if seen is None else int(seen.max(initial=0))",
+        "0 -> 1",
+    ): "only how soon sums are no more surely told apart by their size",
+    ("replay.scoring.scorer", "self._readings += 1", "1 -> 2"): "as above",
+    ("replay.scoring.scorer", "self._readings += 1", "Add -> Sub"): "as above",
+    (
+        "replay.scoring.scorer",
+        "self._words |= np.where(scored, SCORED, 0).ravel().astype(np.uint32)",
+        "0 -> 1",
+    ): "a cell that is not scored is never counted, whatever its bit of the first curve",
+    (
+        "replay.tuning.flips",
+        "NOTHING = Flips(np.zeros(0), np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64))",
+        "1 -> 2",
+    ): "no flip: only the first place is ever asked for",
+    (
+        "replay.tuning.flips",
+        "strip = Geometry(1, cells.counts.shape[1], 1.0, 0.0, 0.0)",
+        "1 -> 2",
+    ): "the counts are one row, which numpy repeats",
+    (
+        "replay.tuning.flips",
+        "strip = Geometry(1, cells.counts.shape[1], 1.0, 0.0, 0.0)",
+        "0.0 -> 1.0",
+    ): "where the strip lies is never asked for",
+    (
+        "replay.tuning.flips",
+        "change = np.zeros(2 * len(places) + 2, dtype=np.int64)",
+        "2 -> 3",
+    ): "a longer tail that repeats the last sum and is never asked for",
+    (
         "formats.grid",
         "for size, row in zip(sizes, signs, strict=True):",
         "True -> False",

@@ -243,7 +243,9 @@ def test_a_teleport_is_long_and_fast(x: float, yaw: float, seconds: float, jumps
     assert (tf.track(("odom", "base")).broken[0] == Why.JUMP) == jumps
 
 
-@pytest.mark.parametrize(("steps", "gap", "held"), [(20, 9.0, True), (20, 11.0, False)])
+@pytest.mark.parametrize(
+    ("steps", "gap", "held"), [(20, 9.0, True), (20, 11.0, False), (10, 9.0, True)]
+)
 def test_poses_that_always_come_seldom_have_longer_gaps(steps: int, gap: float, held: bool) -> None:
     """Every 3 s: five times that are 15 s, of which 10 s count."""
     tf = tree()

@@ -139,7 +139,7 @@ def test_ties_and_any_order_of_readings(
         "paper": Curve(prior, p, "paper"),
     }
     evidence = Evidence.empty(g, 2)
-    evidence.counts[0, 0, :first] = 2  # seen before
+    evidence.counts[0, 0, :first] = 1 + np.arange(first) % 2  # seen before, once or twice
     scorer = Scorer(wall, scored, chosen, evidence)
     assert scorer.scores() == recount(chosen, evidence, wall, scored)
     for step in steps:
