@@ -75,8 +75,9 @@ def coloured(
 def error_kinds(occupied: Bools, truth: Bools, scored: Bools) -> npt.NDArray[np.uint8]:
     """Walls found (1), missed (2) and false (3) inside the scored region, else 0; (rows, cols)."""
     wall, claimed = truth & scored, occupied & scored
-    kinds = np.where(wall, np.where(claimed, 1, 2), np.where(claimed, 3, 0))
-    return kinds.astype(np.uint8)
+    two, three = np.uint8(2), np.uint8(3)  # bytes throughout, many times as fast as np.where
+    kinds: npt.NDArray[np.uint8] = two * wall + three * claimed - np.uint8(4) * (wall & claimed)
+    return kinds
 
 
 def errors(occupied: Bools, truth: Bools, scored: Bools) -> npt.NDArray[np.uint8]:

@@ -11,10 +11,15 @@ import sys
 import time
 from typing import Any
 
-START = "import sys; sys.path[:0] = {path!r}; from replay.viewing.worker import main; main()"
+# pyarrow imports pandas, half a second, where it is there; we give it no frames of pandas.
+START = (
+    "import sys; sys.modules['pandas'] = None; sys.path[:0] = {path!r}; "
+    "from replay.viewing.worker import main; main()"
+)
 QUIET = {"RUST_LOG": "off", "RERUN_ANALYTICS": "off"}  # we say what happens, in one line
 PATIENCE = 10.0  # s without taking anything, beyond which it is given up
 START_PATIENCE = 60.0  # s for it to import what it needs, on a machine that is busy
+ROOM = 1 << 20  # bytes on their way, so that the run seldom waits; what Linux allows everybody
 END_PATIENCE = 60.0  # s to end after the last step
 
 
@@ -39,6 +44,11 @@ class Helper:
         self._taken = False
         if sys.platform != "win32":
             os.set_blocking(self._pipe, False)
+        if sys.platform == "linux":
+            import fcntl
+
+            with contextlib.suppress(OSError):  # a user's pipes may be full: then the usual 64 kB
+                fcntl.fcntl(self._pipe, fcntl.F_SETPIPE_SZ, ROOM)
 
     def send(self, data: bytes) -> None:
         """Bytes of a pickle; waits a while for a helper that is busy, once."""

@@ -21,7 +21,7 @@ from formats.frame import Frame, Pose, Scan
 from formats.results.file import read_result
 from formats.sensing.ends import end_points
 from replay import deviation, run, view
-from replay.pictures import FALSE, FOUND, MISSED, coloured, errors, png, thinning
+from replay.pictures import FALSE, FOUND, MISSED, coloured, error_kinds, errors, png, thinning
 from replay.placing import corners_of
 from replay.viewing.looking import record
 from replay.viewing.process import start_unseen
@@ -438,6 +438,15 @@ def test_errors_are_coloured_by_kind() -> None:
         clear,
         clear,
     ]
+
+
+def test_kinds_of_errors_are_those_of_their_definition() -> None:
+    """All eight cases of occupied, truth and scored."""
+    cases = np.array([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)], dtype=bool).T[:, None]
+    kinds = error_kinds(*cases)
+    assert kinds.dtype == np.uint8
+    #                     nothing scored is 0; scored: nothing, missed, false, found
+    assert kinds.tolist() == [[0, 0, 0, 2, 0, 3, 0, 1]]
 
 
 def test_end_points_are_where_beams_ended() -> None:
