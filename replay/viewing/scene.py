@@ -18,7 +18,7 @@ from replay.pictures import Bools
 BATCH = 256  # frames a batch: small enough to look live, large enough to cost little
 BUDGET = 150.0  # MB that are sent of a run, about
 SCAN_SHARE, SCORE_SHARE, MAP_SHARE = 0.45, 0.15, 0.4  # of the budget
-MOST_SCANS = 9000  # drawn of a run: a quarter of an hour at 10 Hz; more cost time and show little
+MOST_SCANS = 6000  # drawn of a run: ten minutes at 10 Hz; more cost time and show little
 SCAN_BYTES, SCORE_BYTES = 8 * MOST_POINTS, 700  # of a frame, about
 ARC, SURE = 25, 5.991  # points of an ellipse; 95 % of chi squared with two degrees of freedom
 
@@ -124,7 +124,7 @@ class Scene:
 def strides(frames: int, budget: float) -> tuple[int, int]:
     """Every how many frames a scan is sent, and the scores, so that they fit the budget (MB)."""
     size = budget * 1e6
-    scans = max(round(frames * SCAN_BYTES / (size * SCAN_SHARE)), frames // MOST_SCANS)
+    scans = max(round(frames * SCAN_BYTES / (size * SCAN_SHARE)), -(-frames // MOST_SCANS))
     scores = round(frames * SCORE_BYTES / (size * SCORE_SHARE))
     return max(1, scans), max(1, scores)
 
