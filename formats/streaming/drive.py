@@ -91,6 +91,10 @@ class Drive:
             )
         except ValueError as error:
             raise UsageError(self.log.path, str(error)) from None
+        return self.only(taken)
+
+    def only(self, taken: Rows) -> Drive:
+        """Those of its scans, by their ascending numbers; the others are not decoded."""
         if len(taken) == len(self):
             return self
         return replace(

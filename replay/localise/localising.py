@@ -17,7 +17,7 @@ from replay.localise.field import Field, build_field
 from replay.localise.options import DEFAULTS, Options
 from replay.localise.poses import Poses, carried, compose, inverse, joined
 from replay.localise.slam import fastslam, match_scans
-from replay.localise.tracking import Sighting, Track, on_plan
+from replay.localise.tracking import Sighting, Track, on_plan, steps
 
 
 class Localiser(NamedTuple):
@@ -93,12 +93,12 @@ def localise(
     if odometry is None and (method != "match" or lost):
         odometry = _body(drive, None, match_scans(_Sightings(drive, None), None, None, 0, chosen))
     if method != "amcl" and lost:
-        found = on_plan(_Sightings(drive, odometry), ground, None, seed, chosen)
+        found = on_plan(_moving(drive, odometry, chosen), ground, None, seed, chosen)
         _tell(drive, notes, "amcl, which finds the start,", found)
         if len(found.times_ns):
             at = min(found.settled, len(found.times_ns) - 1)
             begin = Estimate(Pose(*found.poses[0].tolist()), found.covariances[at])
-    track = LOCALISERS[method].find(_Sightings(drive, odometry), ground, begin, seed, chosen)
+    track = LOCALISERS[method].find(_moving(drive, odometry, chosen), ground, begin, seed, chosen)
     if found is not None and begin is not None and not found.ever:
         # All of the way is known to itself only.
         track = replace(track, covariances=track.covariances + begin.covariance, doubt=found.doubt)
@@ -156,6 +156,14 @@ class _Sightings:
                 row = int(np.searchsorted(drive.times_ns, frame.time_ns))
                 pose = Pose(*self.odometry[row].tolist())
             yield Sighting(frame.time_ns, pose, frame.scan, drive.choice.sensor_pose)
+
+
+def _moving(drive: Drive, odometry: Floats | None, options: Options) -> _Sightings:
+    """The sightings that a localiser looks at: where odometry says which, no others are decoded."""
+    if odometry is None:
+        return _Sightings(drive, None)
+    taken = steps(odometry, options)
+    return _Sightings(drive.only(taken), odometry[taken])
 
 
 def _turned(by: Pose, pose: Pose, covariance: Floats) -> Estimate:

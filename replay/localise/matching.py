@@ -18,9 +18,11 @@ import numpy as np
 
 from formats.frame import Floats
 from formats.jit import njit
-from replay.localise.tiles import BLOCK, CELL, FULL, SIDE, Bytes, Ints, Maps, Pool
+from replay.localise.pool import CELL, Pool
+from replay.localise.searching import TRUST, likelihood, search
+from replay.localise.tile_kernels import FULL
+from replay.localise.tiles import Maps
 
-TRUST = 60.0  # nats that a reading which fits perfectly says more than one that fits nowhere
 STEPS = 12  # of Gauss-Newton, at most
 
 
@@ -67,101 +69,32 @@ def match(
         step = max(CELL / far, 0.004)  # at its end a beam moves by a cell
         count = floor(angle / step)
         turns = np.arange(-count, count + 1, dtype=np.float64) * step
-        _search(maps.pool, particle, pose, ends, corner, spread, round(window / CELL), turns)
+        search(maps.pool, particle, pose, ends, corner, spread, round(window / CELL), turns)
     fit, worth = _polish(maps.pool, particle, guess, pose, ends, corner, spread, information)
     return Match(pose, fit, worth, information)
 
 
-@njit
-def likelihood(likely: Bytes, tables: Ints, particle: int, row: int, col: int) -> int:
-    """Of a beam that ends in a cell, 0 to FULL."""
-    if row < 0 or col < 0:
-        return 0
-    r, c = row // SIDE, col // SIDE
-    if r >= tables.shape[1] or c >= tables.shape[2]:
-        return 0
-    return likely[tables[particle, r, c], row % SIDE, col % SIDE]
+class Matches(NamedTuple):
+    """Best poses of a reading in the maps of all particles, as Match has them.
+
+    Attributes:
+        poses: (n, 3).
+        fits, worths: (n,).
+        information: (n, 3, 3).
+    """
+
+    poses: Floats
+    fits: Floats
+    worths: Floats
+    information: Floats
 
 
-@njit
-def _bound(coarse: Bytes, tables: Ints, particle: int, row: int, col: int) -> int:
-    """At least the likelihood of the cells from here to BLOCK - 1 further up and right."""
-    best = 0
-    for i in range(2):
-        for j in range(2):
-            a, b = row + i * (BLOCK - 1), col + j * (BLOCK - 1)
-            if a < 0 or b < 0:
-                continue
-            r, c = a // SIDE, b // SIDE
-            if r < tables.shape[1] and c < tables.shape[2]:
-                tile = tables[particle, r, c]
-                best = max(best, coarse[tile, a % SIDE // BLOCK, b % SIDE // BLOCK])
-    return best
-
-
-@njit
-def _nearest(low: float, high: float) -> float:
-    """The least of the absolute values from low to high."""
-    return max(low, -high, 0.0)
-
-
-@njit
-def _search(
-    pool: Pool,
-    particle: int,
-    pose: Floats,
-    ends: Floats,
-    corner: Floats,
-    spread: Floats,
-    reach: int,
-    turns: Floats,
-) -> None:
-    """Put the best pose of the window into `pose`, which is the guess."""
-    beams, blocks = ends.shape[1], (2 * reach + BLOCK) // BLOCK
-    count = turns.size * blocks * blocks
-    bounds = np.empty(count)
-    rows = np.empty((turns.size, beams), dtype=np.int64)
-    cols = np.empty((turns.size, beams), dtype=np.int64)
-    likely, coarse, tables = pool.likely, pool.coarse, pool.tables
-    unit = TRUST / (FULL * max(beams, 1))
-    x, y, yaw = (pose[0] - corner[0]) / CELL, (pose[1] - corner[1]) / CELL, pose[2]
-    for t in range(turns.size):
-        c, s = cos(yaw + turns[t]) / CELL, sin(yaw + turns[t]) / CELL
-        turned = 0.5 * (turns[t] / spread[2]) ** 2
-        for k in range(beams):
-            cols[t, k] = floor(x + c * ends[0, k] - s * ends[1, k])
-            rows[t, k] = floor(y + s * ends[0, k] + c * ends[1, k])
-        for i in range(blocks):
-            for j in range(blocks):
-                row, col = i * BLOCK - reach, j * BLOCK - reach
-                total = 0
-                for k in range(beams):
-                    a, b = rows[t, k] + row, cols[t, k] + col
-                    total += _bound(coarse, tables, particle, a, b)
-                dy = _nearest(row * CELL, (row + BLOCK - 1) * CELL) / spread[1]
-                dx = _nearest(col * CELL, (col + BLOCK - 1) * CELL) / spread[0]
-                bounds[(t * blocks + i) * blocks + j] = (
-                    unit * total - 0.5 * (dx * dx + dy * dy) - turned
-                )
-    best, winner = -1e300, (0, 0, 0)
-    for n in np.argsort(-bounds, kind="mergesort"):
-        if bounds[n] <= best:
-            break
-        t, i, j = n // (blocks * blocks), n // blocks % blocks, n % blocks
-        turned = 0.5 * (turns[t] / spread[2]) ** 2
-        for row in range(i * BLOCK - reach, min((i + 1) * BLOCK - reach, reach + 1)):
-            for col in range(j * BLOCK - reach, min((j + 1) * BLOCK - reach, reach + 1)):
-                total = 0
-                for k in range(beams):
-                    a, b = rows[t, k] + row, cols[t, k] + col
-                    total += likelihood(likely, tables, particle, a, b)
-                dx, dy = col * CELL / spread[0], row * CELL / spread[1]
-                worth = unit * total - 0.5 * (dx * dx + dy * dy) - turned
-                if worth > best:
-                    best, winner = worth, (t, row, col)
-    pose[0] += winner[2] * CELL
-    pose[1] += winner[1] * CELL
-    pose[2] += turns[winner[0]]
+def polish(maps: Maps, guesses: Floats, ends: Floats, spread: Floats) -> Matches:
+    """Where a reading fits the map of each particle best, close to its guess (n, 3)."""
+    n = len(guesses)
+    found = Matches(guesses.copy(), np.empty(n), np.empty(n), np.empty((n, 3, 3)))
+    _polish_all(maps.pool, guesses, *found, ends, np.array([maps.x, maps.y]), spread)
+    return found
 
 
 @njit
@@ -253,3 +186,21 @@ def _polish(
             if damping > 1e4:
                 break
     return fit, worth
+
+
+@njit
+def _polish_all(
+    pool: Pool,
+    guesses: Floats,
+    poses: Floats,
+    fits: Floats,
+    worths: Floats,
+    information: Floats,
+    ends: Floats,
+    corner: Floats,
+    spread: Floats,
+) -> None:
+    for p in range(len(guesses)):
+        fits[p], worths[p] = _polish(
+            pool, p, guesses[p], poses[p], ends, corner, spread, information[p]
+        )

@@ -19,11 +19,12 @@ from formats.frame import Floats, Pose
 from replay.localise.estimate import Estimate
 from replay.localise.field import Field
 from replay.localise.likelihood import Reading, pick
-from replay.localise.matching import Match, match
+from replay.localise.matching import Match, Matches, match, polish
 from replay.localise.motion import Alphas, move_between, spreads
 from replay.localise.options import Options
+from replay.localise.pool import CELL
 from replay.localise.resampling import systematic
-from replay.localise.tiles import CELL, Maps
+from replay.localise.tiles import Maps
 from replay.localise.tracking import Sighting, Track, moved_on
 
 LEAST_M, LEAST_RAD = 0.03, 0.02  # deviations of a step by odometry, however short
@@ -118,19 +119,17 @@ def fastslam(
             step = _moved(last, one) or HERE
             guesses = np.array([Pose(*pose.tolist()) @ step for pose in poses])
             deviations = _deviations(last, one, options)
-        fits = np.zeros(count)
-        noise = rng.standard_normal((count, 3))
-        for p in range(count):
-            if last is None and ground is None:
-                poses[p] = guesses[p]
-                continue
-            found = _proposed(maps, p, guesses[p], one.reading, deviations, POOR * usual)
-            covariance = np.linalg.inv(found.information)
-            poses[p] = found.pose + np.linalg.cholesky(covariance / SHARP) @ noise[p]
-            fits[p] = found.fit
-            gain = found.worth + 0.5 * float(np.linalg.slogdet(covariance)[1])
-            weights[p] += SHARE * gain
-            whole[p] += gain
+        noise, fits = rng.standard_normal((count, 3)), np.zeros(count)
+        if last is None and ground is None:
+            poses = guesses
+        else:
+            found = _proposed(maps, guesses, one.reading, deviations, POOR * usual)
+            covariances, fits = np.linalg.inv(found.information), found.fits
+            roots = np.linalg.cholesky(covariances / SHARP)
+            poses = found.poses + np.einsum("pij,pj->pi", roots, noise)
+            gains = found.worths + 0.5 * np.linalg.slogdet(covariances)[1]
+            weights += SHARE * gains
+            whole += gains
         usual += (SLOW if usual else 1.0) * (float(fits.mean()) - usual)
         insert(maps, poses, one.whole)
         shares = np.exp(weights - weights.max())
@@ -152,8 +151,7 @@ def fastslam(
         for k in range(len(paths) - 1, -1, -1):
             p = int(parents[k][p])
             track.poses[k] = paths[k][p]
-    for _ in range(ROUNDS):
-        smooth(track.poses, sightings, ground, options)
+    smooth(track.poses, sightings, ground, options)
     return track.finished()
 
 
@@ -164,33 +162,41 @@ def smooth(
 
     Args:
         poses: (3,) of each sighting that is looked at; put right in place.
-        sightings: the same once more.
+        sightings: the same again, as often as they are asked for.
         ground: of the plan.
         options: as before.
     """
     maps = maps_on(ground, 1)
     for pose, one in zip(poses, looked(sightings, options), strict=True):
         insert(maps, pose[None], one.whole)
-    for k, one in enumerate(looked(sightings, options)):
-        if one.reading.ranges.size:
-            poses[k] = match(maps, 0, poses[k], one.reading.points, TIGHT, 0.0, 0.0).pose
+    for left in range(ROUNDS, 0, -1):
+        better = maps_on(ground, 1)
+        for k, one in enumerate(looked(sightings, options)):
+            if one.reading.ranges.size:
+                poses[k] = match(maps, 0, poses[k], one.reading.points, TIGHT, 0.0, 0.0).pose
+            if left > 1:
+                insert(better, poses[k][None], one.whole)
+        maps = better
 
 
 def _proposed(
-    maps: Maps, p: int, guess: Floats, reading: Reading, deviations: Floats, poor: float
-) -> Match:
-    """The best match near the guess; searched for where polishing alone fits poorly."""
-    if not reading.ranges.size:
-        return Match(guess, 0.0, 0.0, np.diag(deviations**-2.0))
-    ends = reading.points
-    found = match(maps, p, guess, ends, deviations, 0.0, 0.0)
-    if found.fit >= poor:
-        return found
+    maps: Maps, guesses: Floats, reading: Reading, deviations: Floats, poor: float
+) -> Matches:
+    """The best match near each particle's guess; searched for where polishing fits poorly."""
+    n, ends = len(guesses), reading.points
+    if not ends.size:
+        alone = np.repeat([np.diag(deviations**-2.0)], n, axis=0)
+        return Matches(guesses, np.zeros(n), np.zeros(n), alone)
+    found = polish(maps, guesses, ends, deviations)
     window = min(STEADY * float(deviations[:2].max()), 1.0)
     angle = min(STEADY * float(deviations[2]), 0.5)
-    searched = match(maps, p, guess, ends[:, ::2], deviations, window, angle)
-    again = match(maps, p, searched.pose, ends, deviations, 0.0, 0.0)
-    return again if again.fit > found.fit else found
+    for p in np.flatnonzero(found.fits < poor).tolist():
+        searched = match(maps, p, guesses[p], ends[:, ::2], deviations, window, angle)
+        again = match(maps, p, searched.pose, ends, deviations, 0.0, 0.0)
+        if again.fit > found.fits[p]:
+            found.poses[p], found.information[p] = again.pose, again.information
+            found.fits[p], found.worths[p] = again.fit, again.worth
+    return found
 
 
 class _Recorded:
@@ -250,9 +256,7 @@ def insert(maps: Maps, poses: Floats, reading: Reading) -> None:
         return
     reach = float(reading.ranges.max()) + hypot(reading.origin.x, reading.origin.y)
     maps.cover(poses[:, :2].min(axis=0) - reach, poses[:, :2].max(axis=0) + reach)
-    ends, origin = reading.points, np.array(reading.origin[:2])
-    for p, pose in enumerate(poses):
-        maps.insert(p, pose, ends, origin)
+    maps.insert(poses, reading.points, np.array(reading.origin[:2]))
 
 
 def _first(one: Looked, ground: Field | None, start: Estimate | None) -> tuple[Pose, Floats]:

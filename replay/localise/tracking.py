@@ -8,6 +8,7 @@ from math import hypot
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from formats.frame import Floats, Pose, Scan
 from replay.localise.amcl import Amcl, Parameters
@@ -219,6 +220,18 @@ def moved_on(last: Pose, now: Pose, options: Options) -> bool:
     far = hypot(now.x - last.x, now.y - last.y)
     turned = abs(wrapped(now.yaw - last.yaw))
     return far >= options["update_min_d"] or turned >= options["update_min_a"]
+
+
+def steps(odometry: Floats, options: Options) -> npt.NDArray[np.int64]:
+    """Numbers of the first of these poses (m, 3) and of those after the body has moved on."""
+    taken: list[int] = []
+    last: Pose | None = None
+    for k, numbers in enumerate(odometry.tolist()):
+        now = Pose(*numbers)
+        if last is None or moved_on(last, now, options):
+            last = now
+            taken.append(k)
+    return np.array(taken, dtype=np.int64)
 
 
 def sensor_model(field: Field, options: Options) -> Model:

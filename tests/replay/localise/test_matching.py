@@ -7,8 +7,11 @@ import pytest
 
 from formats.frame import Floats, Pose
 from replay.localise.likelihood import pick
-from replay.localise.matching import TRUST, match
-from replay.localise.tiles import CELL, FULL, SIDE, Maps
+from replay.localise.matching import match
+from replay.localise.pool import CELL, SIDE
+from replay.localise.searching import TRUST
+from replay.localise.tile_kernels import FULL
+from replay.localise.tiles import Maps
 from tests.localising import MOUNT, OFFICE, ROUND, WIDE, drive, way
 
 SPREAD = np.array([0.2, 0.3, 0.2])
@@ -22,7 +25,7 @@ def office() -> Maps:
     for k, sighting in enumerate(drive(OFFICE, truth, truth, cell=WIDE)):
         if k % 3 == 0:
             points = pick(sighting.scan, MOUNT, 90).points
-            maps.insert(0, np.array(truth[k]), points, np.array(MOUNT[:2]))
+            maps.insert(np.array(truth[k])[None], points, np.array(MOUNT[:2]))
     return maps
 
 
@@ -109,7 +112,7 @@ def test_a_wall_says_nothing_of_the_way_along_it() -> None:
     maps = Maps(1)
     wall = np.stack([np.linspace(-2.0, 2.0, 81), np.full(81, 1.02)])
     maps.cover(np.array([-4.0, -4.0]), np.array([4.0, 4.0]))
-    maps.insert(0, np.zeros(3), wall, np.zeros(2))
+    maps.insert(np.zeros((1, 3)), wall, np.zeros(2))
     some = wall[:, 20:61]
     found = match(maps, 0, np.array([0.05, 0.05, 0.0]), some, np.full(3, 0.1), 0.3, 0.1)
     along, across, _ = np.sqrt(np.diag(np.linalg.inv(found.information)))

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from formats.frame import Floats
-from replay.localise import tiles
-from replay.localise.tiles import BLOCK, CELL, FULL, HIT, LEAST, MISS, MOST, REACH, SIDE, Maps
+from replay.localise import tile_kernels
+from replay.localise.pool import BLOCK, CELL, SIDE
+from replay.localise.tile_kernels import FULL, HIT, LEAST, MISS, MOST, REACH
+from replay.localise.tiles import Maps
 
 ORIGIN = np.array([0.1, 0.0])
 
@@ -23,7 +25,7 @@ def fan(seed: int, beams: int = 40) -> Floats:
 
 def put(maps: Maps, particle: int, pose: Floats, ends: Floats) -> None:
     maps.cover(pose[:2] - 4.0, pose[:2] + 4.0)
-    maps.insert(particle, pose, ends, ORIGIN)
+    maps.insert(pose[None], ends, ORIGIN, particle)
 
 
 def whole(maps: Maps, particle: int, layer: str) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
@@ -46,8 +48,7 @@ def slow_odds(maps: Maps, drives: list[tuple[Floats, Floats]]) -> dict[tuple[int
             steps = max(ceil(max(abs(x1 - x0), abs(y1 - y0))), 1)
             end = int(y1), int(x1)
             for i in range(steps):
-                share = i / steps
-                cell = int(y0 + share * (y1 - y0)), int(x0 + share * (x1 - x0))
+                cell = int(y0 + i * (y1 - y0) / steps), int(x0 + i * (x1 - x0) / steps)
                 if cell != end:
                     odds[cell] = max(odds.get(cell, 0) + MISS, LEAST)
             odds[end] = min(odds.get(end, 0) + HIT, MOST)
@@ -128,7 +129,7 @@ def test_particles_that_share_tiles_do_not_see_each_other_s_readings() -> None:
         alone.x, alone.y = maps.x, maps.y
         alone.pool = alone.pool._replace(tables=np.zeros_like(maps.pool.tables[:1]))
         for pose, ends in pasts[p]:
-            alone.insert(0, pose, ends, ORIGIN)
+            alone.insert(pose[None], ends, ORIGIN)
         for layer in ("odds", "hits"):
             assert np.array_equal(whole(maps, p, layer), whole(alone, 0, layer))
 
@@ -165,6 +166,6 @@ def test_a_plan_s_walls_are_shared_until_they_are_seen_not_to_be() -> None:
     for _ in range(5):
         put(maps, 1, np.zeros(3), beyond)
     at = [int((0.0 - maps.y) / CELL), int((1.52 - maps.x) / CELL)]
-    assert whole(maps, 0, "odds")[*at] == tiles.DRAWN
-    assert whole(maps, 1, "odds")[*at] == tiles.DRAWN + 5 * MISS
+    assert whole(maps, 0, "odds")[*at] == tile_kernels.DRAWN
+    assert whole(maps, 1, "odds")[*at] == tile_kernels.DRAWN + 5 * MISS
     assert before < maps.tiles < 3 * before + 20
