@@ -57,6 +57,11 @@ BENCHMARKS = [
     ),
     Table("Tuning", "Surfaces and fronts from sorted evidence.", "python -m scripts.bench_tune"),
     Table("Re-scoring", "Results a second, files read.", "python -m scripts.bench_rescore"),
+    Table(
+        "Viewing",
+        "An hour's log with the viewer's recording and without, in alternating pairs.",
+        "python -m scripts.bench_view",
+    ),
     Table("End to end", "`replay run` as a whole process.", "python -m scripts.bench_run"),
 ]
 QUALITY = [

@@ -29,7 +29,7 @@ class Truth:
 
     Attributes:
         walls: (H, W), class Wall alone; windows stand apart.
-        doors, windows, rooms, separations: polygons (n, 2) of x, y in px; a door is what its leaf
+        doors, windows, rooms: polygons (n, 2) of x, y in px; a door is what its leaf
             sweeps, with the opening in the wall.
         has_doors: whether doors were annotated at all; a mask of walls says nothing of them.
     """
@@ -38,7 +38,6 @@ class Truth:
     doors: tuple[Polygon, ...] = ()
     windows: tuple[Polygon, ...] = ()
     rooms: tuple[Polygon, ...] = ()
-    separations: tuple[Polygon, ...] = ()
     has_doors: bool = True
 
 
