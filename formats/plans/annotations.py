@@ -102,7 +102,6 @@ def _from_svg(path: str | Path, data: bytes, shape: tuple[int, int]) -> Truth:
         tuple(found.get("Door", ())),
         tuple(found.get("Window", ())),
         tuple(found.get("Room", ())),
-        tuple(found.get("Separation", ())),
     )
 
 

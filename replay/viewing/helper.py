@@ -11,9 +11,8 @@ import sys
 import time
 from typing import Any
 
-# pyarrow imports pandas, half a second, where it is there; we give it no frames of pandas.
 START = (
-    "import sys; sys.modules['pandas'] = None; sys.path[:0] = {path!r}; "
+    "import sys; sys.path[:0] = {path!r}; import replay.viewing.no_pandas; "
     "from replay.viewing.worker import main; main()"
 )
 QUIET = {"RUST_LOG": "off", "RERUN_ANALYTICS": "off"}  # we say what happens, in one line
