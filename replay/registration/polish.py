@@ -114,6 +114,13 @@ def _confirmed(
     return good, count
 
 
+def _one_each(points: Doubles, side: float) -> Doubles:
+    """The first of the points in each square of a side."""
+    cells = np.floor(points / side).astype(np.int64)
+    _, first = np.unique(cells[:, 0] * (1 << 24) + cells[:, 1], return_index=True)
+    return np.ascontiguousarray(points[np.sort(first)])
+
+
 @dataclass(frozen=True)
 class Fit:
     """A polished place.
@@ -172,6 +179,8 @@ class Bench:
         self.facing = towards_free(seen.free, self.points)
         size = points.max(axis=0) - points.min(axis=0)
         self.tolerance = max(1.0, 0.006 * float(np.hypot(*size)))  # map cells
+        self.even = _one_each(points, max(2.0, self.tolerance))
+        self.even_facing = towards_free(seen.free, self.even)
 
     def _in(self, matrix: Doubles) -> Doubles:
         """A matrix to plan pixels as one to this bench's pixels."""
@@ -220,6 +229,16 @@ class Bench:
             now = np.array([[a, -b * flip, now[0, 2] + x], [b, a * flip, now[1, 2] + y]])
         now[:, 2] -= now[:, :2] @ middle
         return self._out(now)
+
+    def spread(self, matrix: Doubles) -> float:
+        """Share of what was seen that lies on walls, by length: dense cells count no more.
+
+        `Fit.explained` counts cells, most of which lie where the robot stood long.
+        """
+        inside, p = self._in(matrix), self.plan
+        scale = float(np.hypot(inside[0, 0], inside[1, 0]))
+        sigma = max(0.7, self.tolerance * scale)
+        return _near(self.even, self.even_facing, inside, p.near, p.at, p.across, sigma)
 
     def weigh(self, matrix: Doubles, times: float = 1.0) -> Fit:
         """How well a place explains both pictures."""

@@ -32,6 +32,8 @@ OFFSET, GAIN = -1.75, 11.8
 ROOM, FULL = 0.978, 0.9  # a lead over a score above FULL says no more than over FULL
 NONE_LEFT = 0.3  # the lead where there is no other place
 SURE = 0.8
+DOUBTED = 0.5  # the most that is said of a place that another one contradicts
+MORE = 0.08  # of what was seen, by length, that another place explains beyond the best
 
 
 @dataclass(frozen=True)
@@ -145,7 +147,12 @@ def align(
     best = [_sharpened(bench, fit, known, within) for fit in distinct(fits, seen)[: 1 + RUNNERS]]
     best.sort(key=_rank, reverse=True)
     places = [_place(fit.matrix @ whole_of(seen), fit) for fit in best]
-    return Alignment(places, confidence([_rank(f) for f in best]), perf_counter() - started)
+    sure = confidence([_rank(f) for f in best])
+    if sure >= SURE and contradicted(
+        [f.score for f in best], [bench.spread(f.matrix) for f in best]
+    ):
+        sure = DOUBTED
+    return Alignment(places, sure, perf_counter() - started)
 
 
 def _sharpened(bench: Bench, fit: Fit, known: float | None, within: tuple[float, float]) -> Fit:
@@ -236,3 +243,17 @@ def confidence(ranks: list[float]) -> float:
     lead = ranks[0] - ranks[1] if len(ranks) > 1 else NONE_LEFT
     share = lead / (ROOM - min(ranks[0], FULL))
     return float(1.0 / (1.0 + np.exp(-(OFFSET + GAIN * share))))
+
+
+def contradicted(scores: list[float], spread: list[float]) -> bool:
+    """Whether another place speaks against the first, however far it leads.
+
+    It does where it fits as well and comes second for being mirrored alone, and where it lays
+    clearly more of the map's length on walls: it lost by ink that the robot did not see, which
+    hatching and furniture may be, and the first place leaves much of the map beside the building.
+
+    Args:
+        scores: of all places, the likeliest first, without what being mirrored costs.
+        spread: of each, the share of what was seen that lies on walls, by length.
+    """
+    return max(scores[1:], default=0.0) >= scores[0] or max(spread) > spread[0] + MORE

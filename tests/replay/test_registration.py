@@ -21,7 +21,7 @@ from formats.plans.file import Plan, open_plan
 from formats.plans.placement import Placement, read_placement
 from replay.cli.align import command
 from replay.registration.placing import metres_of, pinned, placed, posed
-from replay.registration.register import Alignment, align, confidence
+from replay.registration.register import SURE, Alignment, align, confidence, contradicted
 from replay.registration.search import matrix_of
 from replay.registration.seen import Seen, seen_in_log, seen_in_map, unframed
 from tests.pictures import pgm, png
@@ -366,6 +366,33 @@ def test_confidence_by_hand() -> None:
     assert confidence([0.6, 0.4, 0.1]) == pytest.approx(0.98894, abs=1e-5)
     assert confidence([0.6, 0.6]) == pytest.approx(0.14805, abs=1e-5)
     assert confidence([0.95, 0.93]) == pytest.approx(confidence([0.9, 0.88]))
+
+
+def test_what_contradicts_the_first_place() -> None:
+    assert not contradicted([0.7], [0.5])
+    assert not contradicted([0.7, 0.6], [0.5, 0.57])
+    assert contradicted([0.7, 0.7], [0.5, 0.5])  # as good, and second for being mirrored
+    assert contradicted([0.7, 0.6, 0.5], [0.5, 0.4, 0.59])  # explains more of the map
+
+
+@pytest.mark.parametrize(
+    "seed",
+    [
+        195,  # the true room is hatched; half of the map falls off the sheet at the other place
+        409,  # a drawing turned over, with a place that fits nearly as well the right way round
+    ],
+)
+def test_a_wrong_place_that_leads_is_not_claimed(seed: int) -> None:
+    from scripts.random_flats import case as random_case
+    from scripts.score_align import NEAR, _off, as_plan
+
+    one = random_case(seed)
+    seen = seen_in_map(as_plan("map.png", one.map))
+    found = align(seen, as_plan("plan.png", one.plan).wall, scale=one.scale)
+    assert one.matrix is not None
+    assert _off(seen, found.best.matrix, one.matrix) >= NEAR
+    assert confidence([place.score for place in found.places if not place.mirrored]) >= SURE
+    assert not found.confident
 
 
 @pytest.mark.parametrize("told", [1.1, None])
