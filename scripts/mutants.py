@@ -72,7 +72,12 @@ TARGETS = {
     ),
     "front": Target(
         ("replay.tuning.front", "replay.tuning.surfaces", "replay.tuning.flips"),
-        ("tests/replay/tuning/test_flips.py", "tests/replay/tuning/test_front.py"),
+        (
+            "tests/replay/tuning/test_front_by_hand.py",
+            "tests/replay/tuning/test_flips.py",
+            "tests/replay/tuning/test_front.py",
+        ),
+        compiled=False,
     ),
 }
 

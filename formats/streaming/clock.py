@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,6 +16,27 @@ JUMP_NS = SECOND
 LASTING = 5
 MOST_JUMPS = 1000
 CLOSE_NS = 2 * SECOND  # messages of different topics are recorded out of step by less
+
+
+@dataclass(eq=False)
+class Stamped:
+    """When messages were stamped and logged, in the order of the log: 16 bytes each."""
+
+    _stamps: array[int] = field(default_factory=lambda: array("q"), init=False, repr=False)
+    _logs: array[int] = field(default_factory=lambda: array("q"), init=False, repr=False)
+
+    def __len__(self) -> int:
+        return len(self._stamps)
+
+    @property
+    def stamps_ns(self) -> Times:
+        """(n,) header stamps: a view, so all must have been added."""
+        return np.frombuffer(self._stamps, dtype=np.int64)
+
+    @property
+    def logs_ns(self) -> Times:
+        """(n,) log times, as `stamps_ns`."""
+        return np.frombuffer(self._logs, dtype=np.int64)
 
 
 def none() -> Times:

@@ -19,7 +19,7 @@ from formats.messages import PoseMessage, Transforms
 from formats.payload import Undecodable, odd_stamp
 from formats.ros import decoders as ros
 from formats.sensing.scans import SENSORS
-from formats.streaming.clock import SECOND, Clock, Times
+from formats.streaming.clock import SECOND, Clock, Stamped
 from formats.streaming.frame_names import is_known
 from formats.streaming.tf import Tree, plain
 from formats.streaming.track import Samples, Track
@@ -39,8 +39,8 @@ def place_in(table: list[str], word: str) -> int:
     return len(table) - 1
 
 
-@dataclass
-class ScanTimes:
+@dataclass(eq=False)
+class ScanTimes(Stamped):
     """The scans of one topic, in the order of the log: 26 bytes each, views once all are read.
 
     Attributes:
@@ -56,8 +56,6 @@ class ScanTimes:
     limit: float = 0.0
     unlimited: int = 0
     faults: list[str] = field(default_factory=lambda: [""])
-    _stamps: array[int] = field(default_factory=lambda: array("q"))
-    _logs: array[int] = field(default_factory=lambda: array("q"))
     _sweeps: array[float] = field(default_factory=lambda: array("d"))
     _frames: array[int] = field(default_factory=lambda: array("B"))
     _faults: array[int] = field(default_factory=lambda: array("B"))
@@ -85,19 +83,6 @@ class ScanTimes:
         self._sweeps.append(sweep if isfinite(sweep) else -1.0)
         self._frames.append(place_in(self.names, name))
         self._faults.append(place_in(self.faults, fault))
-
-    def __len__(self) -> int:
-        return len(self._stamps)
-
-    @property
-    def stamps_ns(self) -> Times:
-        """(n,) header stamps."""
-        return np.frombuffer(self._stamps, dtype=np.int64)
-
-    @property
-    def logs_ns(self) -> Times:
-        """(n,) log times."""
-        return np.frombuffer(self._logs, dtype=np.int64)
 
     @property
     def sweeps_s(self) -> np.ndarray[Any, np.dtype[np.float64]]:

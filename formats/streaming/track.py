@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from formats.errors import Notes, Path
 from formats.messages import Numbers
-from formats.streaming.clock import SECOND, Clock, Times
+from formats.streaming.clock import SECOND, Clock, Stamped, Times
 
 Floats = npt.NDArray[np.float64]
 FARTHEST = 1e8  # m; UTM and ECEF coordinates lie below, garbage such as 1e9 above
@@ -68,32 +68,17 @@ def missing_of(
     return found
 
 
-class Samples:
+@dataclass(eq=False)
+class Samples(Stamped):
     """Poses as they come from a log, 72 bytes each: stamp, log time, x y z qx qy qz qw."""
 
-    def __init__(self) -> None:
-        self._stamps = array("q")
-        self._logs = array("q")
-        self._numbers = array("d")
+    _numbers: array[float] = field(default_factory=lambda: array("d"), init=False, repr=False)
 
     def add(self, stamp_ns: int, log_ns: int, numbers: Numbers) -> None:
         """Keep one more."""
         self._stamps.append(stamp_ns)
         self._logs.append(log_ns)
         self._numbers.extend(numbers)
-
-    def __len__(self) -> int:
-        return len(self._stamps)
-
-    @property
-    def stamps_ns(self) -> Times:
-        """(n,) header stamps in the order of the log."""
-        return np.frombuffer(self._stamps, dtype=np.int64)
-
-    @property
-    def logs_ns(self) -> Times:
-        """(n,) log times."""
-        return np.frombuffer(self._logs, dtype=np.int64)
 
     @property
     def numbers(self) -> Floats:

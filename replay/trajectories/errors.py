@@ -1,12 +1,11 @@
 """Errors of a trajectory against the truth: APE and RPE, with evo's definitions and numbers.
 
 Sturm et al., "A benchmark for the evaluation of RGB-D SLAM systems" (IROS 2012), and evo (Grupp),
-whose rules of association, pairing and alignment these are.
+whose rules of pairing and alignment these are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -18,34 +17,6 @@ from formats.trajectory import Trajectory
 
 Unit = Literal["frames", "m", "rad", "deg"]
 Pairs = npt.NDArray[np.intp]
-
-
-def association(
-    reference: Trajectory, estimate: Trajectory, max_diff: float = 0.01, offset: float = 0.0
-) -> tuple[Trajectory, Trajectory]:
-    """Poses of equal times: each of the shorter trajectory with the nearest of the longer one.
-
-    Args:
-        reference, estimate: as recorded.
-        max_diff: s, that two times may be apart.
-        offset: s, added to the estimate's times.
-
-    Raises:
-        ValueError: no times are so near.
-    """
-    shift, most = round(offset * 1e9), round(max_diff * 1e9)
-    moved = Trajectory(estimate.times_ns + shift, estimate.numbers)
-    longer = len(moved.times_ns) > len(reference.times_ns)
-    short, long = (reference, moved) if longer else (moved, reference)
-    high = np.clip(np.searchsorted(long.times_ns, short.times_ns), 0, len(long.times_ns) - 1)
-    low = np.maximum(high - 1, 0)
-    apart = [np.abs(long.times_ns[rows] - short.times_ns) for rows in (low, high)]
-    nearest = np.where(apart[0] <= apart[1], low, high)
-    near = np.minimum(*apart) <= most
-    if not near.any():
-        raise ValueError(f"no two times of the trajectories are within {max_diff:g} s")
-    a, b = _rows(short, np.flatnonzero(near)), _rows(long, nearest[near])
-    return (a, b) if longer else (b, a)
 
 
 def interpolated(
@@ -74,10 +45,6 @@ def planar_trajectory(times_ns: npt.NDArray[np.int64], poses: Floats) -> Traject
     return Trajectory(
         times_ns, np.column_stack([x, y, zero, zero, zero, np.sin(yaw / 2), np.cos(yaw / 2)])
     )
-
-
-def _rows(trajectory: Trajectory, rows: Pairs) -> Trajectory:
-    return Trajectory(trajectory.times_ns[rows], trajectory.numbers[rows])
 
 
 class Alignment(NamedTuple):
@@ -229,20 +196,6 @@ def angles(errors: Floats) -> Floats:
 def degrees(errors: Floats) -> Floats:
     """(n,) the same in degrees."""
     return np.degrees(angles(errors))
-
-
-def full(errors: Floats) -> Floats:
-    """(n,) Frobenius norms of the errors less the identity."""
-    return np.linalg.norm(errors - np.eye(4), axis=(1, 2))
-
-
-RELATIONS: dict[str, Callable[[Floats], Floats]] = {
-    "trans_part": lengths,
-    "angle_rad": angles,
-    "angle_deg": degrees,
-    "full": full,
-}
-"""evo's name of a pose relation -> a number for each error."""
 
 
 class Statistics(NamedTuple):
