@@ -9,7 +9,14 @@ from typing import Any
 import click
 
 from formats.errors import Notes
-from replay.cli.flags import force_flag, given
+from replay.cli.flags import (
+    base_frame_flag,
+    file_flag,
+    force_flag,
+    given,
+    map_frame_flag,
+    sensor_pose_flag,
+)
 from replay.cli.values import POSITIVE, PoseType, answer, ending, say
 
 
@@ -63,13 +70,7 @@ class ScaleType(click.ParamType[Any]):
     type=click.Path(path_type=Path),
     help="The plan: png, pgm, jpg, tiff, or a map_server yaml.",
 )
-@click.option(
-    "-o",
-    "--output",
-    metavar="FILE",
-    type=click.Path(path_type=Path),
-    help="The placement, for `replay run --align`; STEM.align.json here by default.",
-)
+@file_flag("FILE", "The placement, for `replay run --align`; STEM.align.json here by default.")
 @click.option(
     "--picture",
     metavar="FILE",
@@ -108,9 +109,9 @@ class ScaleType(click.ParamType[Any]):
 @click.option("--plan-resolution", metavar="M", type=POSITIVE, help="Metres a pixel of the plan.")
 @click.option("--scan", metavar="TOPIC", help="Of a log; chosen when only one topic fits.")
 @click.option("--pose", metavar="TOPIC", help='Where poses come from: a topic, or "tf".')
-@click.option("--map-frame", metavar="FRAME", help="The frame of the poses; map by default.")
-@click.option("--base-frame", metavar="FRAME", help="The robot's frame; base_link by default.")
-@click.option("--sensor-pose", type=PoseType(), help="Of the sensor in the base frame; else tf.")
+@map_frame_flag
+@base_frame_flag
+@sensor_pose_flag
 @click.option("--quiet", is_flag=True, help="No hints.")
 def command(
     source: Path,

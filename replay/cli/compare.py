@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from formats.errors import Notes, printable
-from replay.cli.flags import force_flag, json_flag
+from replay.cli.flags import file_flag, force_flag, json_flag
 from replay.cli.values import answer, say
 
 
@@ -49,9 +49,7 @@ class PriorType(click.ParamType[dict[str, Any]]):
 )
 @click.option("--label", "labels", multiple=True, metavar="NAME", help="Of each archive, in turn.")
 @click.option("--metric", default="f2", metavar="NAME", help="f2 by default.")
-@click.option(
-    "-o", "--output", "html", metavar="FILE.html", type=click.Path(path_type=Path), help="A page."
-)
+@file_flag("FILE.html", "A page.", "html")
 @click.option(
     "--csv",
     "table",

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import click
 
 from formats.errors import Notes
-from replay.cli.values import answer, ending, say
+from replay.cli.values import PoseType, answer, ending, say
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -21,6 +21,29 @@ plan_method_flag = click.option(
     type=click.Choice(["auto", "ink", "structural", "georgiou"]),
     help="auto (default) extracts the walls of drawings with door symbols; ink takes dark ink.",
 )
+
+
+map_frame_flag = click.option(
+    "--map-frame", metavar="FRAME", help="The frame of the poses; map by default."
+)
+base_frame_flag = click.option(
+    "--base-frame", metavar="FRAME", help="The robot's frame; base_link by default."
+)
+sensor_pose_flag = click.option(
+    "--sensor-pose", type=PoseType(), help="Of the sensor in the base frame; else tf."
+)
+
+
+def file_flag(metavar: str, help: str, name: str = "output", **more: Any) -> Callable[..., Any]:
+    """-o of a verb that writes one file, or into one folder.
+
+    Args:
+        metavar, help: as `--help` has them.
+        name: of the command's parameter.
+        more: whether it is required, its default.
+    """
+    kind = click.Path(path_type=Path)
+    return click.option("-o", "--output", name, metavar=metavar, type=kind, help=help, **more)
 
 
 def output_flag(default: str) -> Callable[[Command], Command]:

@@ -6,19 +6,12 @@ from pathlib import Path
 
 import click
 
-from replay.cli.flags import force_flag, json_flag
+from replay.cli.flags import file_flag, force_flag, json_flag, quiet_flag
 from replay.cli.values import answer
 
 
 @click.command("paper")
-@click.option(
-    "-o",
-    "--output",
-    metavar="DIR",
-    type=click.Path(path_type=Path),
-    default=Path("paper"),
-    help="Where report.html and the figures go; paper by default.",
-)
+@file_flag("DIR", "Where report.html and the figures go; paper by default.", default=Path("paper"))
 @click.option("--only", "rows", multiple=True, metavar="ROW", help="G2 .. G8, T1, T2, X1 .. X8.")
 @click.option(
     "--logs",
@@ -28,7 +21,7 @@ from replay.cli.values import answer
 )
 @force_flag
 @json_flag
-@click.option("--quiet", is_flag=True, help="No progress bar.")
+@quiet_flag
 def command(
     output: Path, rows: tuple[str, ...], logs: Path | None, force: bool, as_json: bool, quiet: bool
 ) -> int:

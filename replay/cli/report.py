@@ -8,20 +8,14 @@ from typing import Any
 import click
 
 from formats.errors import Notes
-from replay.cli.flags import answered, force_flag, json_flag, wrote
+from replay.cli.flags import answered, file_flag, force_flag, json_flag, wrote
 
 
 @click.command("report")
 @click.argument(
     "sources", nargs=-1, required=True, metavar="RESULT...", type=click.Path(path_type=Path)
 )
-@click.option(
-    "-o",
-    "--output",
-    metavar="HTML",
-    type=click.Path(path_type=Path),
-    help="The file; the first result's name here by default.",
-)
+@file_flag("HTML", "The file; the first result's name here by default.")
 @force_flag
 @json_flag
 def command(sources: tuple[Path, ...], output: Path | None, force: bool, as_json: bool) -> int:

@@ -10,7 +10,16 @@ import click
 
 from formats.errors import Notes
 from replay.cli.drawing_values import scaled
-from replay.cli.flags import force_flag, json_flag, plan_method_flag, quiet_flag
+from replay.cli.flags import (
+    base_frame_flag,
+    file_flag,
+    force_flag,
+    json_flag,
+    map_frame_flag,
+    plan_method_flag,
+    quiet_flag,
+    sensor_pose_flag,
+)
 from replay.cli.localising_flags import localising_flags
 from replay.cli.values import (
     NOT_NEGATIVE,
@@ -40,13 +49,7 @@ from replay.cli.values import (
     type=click.Path(path_type=Path),
     help="What really stands there; without it the plan is taken for the truth.",
 )
-@click.option(
-    "-o",
-    "--output",
-    metavar="FILE",
-    type=click.Path(path_type=Path),
-    help="The result; STEM.replay.mcap in this folder by default.",
-)
+@file_flag("FILE", "The result; STEM.replay.mcap in this folder by default.")
 @force_flag
 @json_flag
 @click.option("--view", is_flag=True, help="Open the Rerun viewer and stream to it.")
@@ -78,9 +81,9 @@ from replay.cli.values import (
 )
 @click.option("--truth-delay", metavar="S", type=float, help="Added to the stamps of that truth.")
 @localising_flags
-@click.option("--map-frame", metavar="FRAME", help="The frame of the poses; map by default.")
-@click.option("--base-frame", metavar="FRAME", help="The robot's frame; base_link by default.")
-@click.option("--sensor-pose", type=PoseType(), help="Of the sensor in the base frame; else tf.")
+@map_frame_flag
+@base_frame_flag
+@sensor_pose_flag
 @click.option("--camera-info", metavar="TOPIC", help="Of depth images; beside them by default.")
 @click.option(
     "--scan-height",

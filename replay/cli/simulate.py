@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from formats.errors import Notes
-from replay.cli.flags import force_flag, json_flag, plan_method_flag, quiet_flag
+from replay.cli.flags import file_flag, force_flag, json_flag, plan_method_flag, quiet_flag
 from replay.cli.values import NOT_NEGATIVE, POSITIVE, PoseType, answer, ending, say
 
 
@@ -38,14 +38,7 @@ LINE = LineType()
 
 @click.command("simulate")
 @click.argument("plan", metavar="PLAN", type=click.Path(path_type=Path))
-@click.option(
-    "-o",
-    "--output",
-    metavar="LOG",
-    required=True,
-    type=click.Path(path_type=Path),
-    help="LOG.mcap, LOG.bag (ROS 1), or without a suffix a rosbag2 folder.",
-)
+@file_flag("LOG", "LOG.mcap, LOG.bag (ROS 1), or without a suffix a rosbag2 folder.", required=True)
 @force_flag
 @json_flag
 @click.option(
