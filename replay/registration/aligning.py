@@ -101,7 +101,7 @@ def align_files(
         matrix = _posed(plan, plan_pose, map_picture) if plan_pose is not None else None
         if matrix is None:
             matrix = pinned(pins, metres=metres, mirrored=mirrored)
-        found = Alignment([align_place(seen, plan.wall, matrix)], 1.0, 0.0)
+        found = Alignment([align_place(seen, plan.wall, matrix, str(source))], 1.0, 0.0)
     else:
         cells = _scale_in_cells(scale, plan, seen)
         if scale == "free":

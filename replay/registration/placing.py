@@ -25,6 +25,7 @@ CELL = 0.05  # m
 REACH = 25.0  # m, readings beyond do not tell walls apart
 SCANS = 1500  # of a long log: more show no more of the building
 MOST_CELLS = 50_000_000
+LOOSE = 0.1  # of the pins' extent: one that is farther off contradicts the others
 Pin = tuple[float, float, float, float]  # plan x, y; map x, y
 
 
@@ -97,7 +98,7 @@ def pinned(pins: Sequence[Pin], *, metres: bool, mirrored: bool | None = None) -
         mirrored: None: whichever fits better.
 
     Raises:
-        UsageError: fewer than two pins, or all in one place.
+        UsageError: fewer than two pins, all in one place, or some that contradict each other.
     """
     if len(pins) < 2:
         raise UsageError("", "one pin does not hold a plan", hint="give --pin twice or more")
@@ -121,6 +122,15 @@ def pinned(pins: Sequence[Pin], *, metres: bool, mirrored: bool | None = None) -
     matrix = found[0][1] if found[0][0] <= found[-1][0] + tiny else found[-1][1]
     if not np.hypot(matrix[0, 0], matrix[1, 0]) > 0:
         raise UsageError("", "the pins do not fit a turn and scale", hint="are they in order?")
+    off = np.hypot(*(seen @ matrix[:, :2].T + matrix[:, 2] - plan).T)
+    if off.max() > LOOSE * np.hypot(*np.ptp(plan, axis=0)):
+        worst = int(off.argmax())
+        x, y, u, v = table[worst]
+        raise UsageError(
+            "",
+            f"the pins contradict each other: {x:g},{y:g}={u:g},{v:g} is {off[worst]:.0f} px off",
+            hint="look whether each is the same corner in both",
+        )
     return matrix
 
 

@@ -178,7 +178,8 @@ class Bench:
         self.points = np.ascontiguousarray(points[:: max(1, len(points) // MOST_POINTS)])
         self.facing = towards_free(seen.free, self.points)
         size = points.max(axis=0) - points.min(axis=0)
-        self.tolerance = max(1.0, 0.006 * float(np.hypot(*size)))  # map cells
+        self.diagonal = float(np.hypot(*size))  # map cells
+        self.tolerance = max(1.0, 0.006 * self.diagonal)  # map cells
         self.even = _one_each(points, max(2.0, self.tolerance))
         self.even_facing = towards_free(seen.free, self.even)
 
@@ -229,6 +230,10 @@ class Bench:
             now = np.array([[a, -b * flip, now[0, 2] + x], [b, a * flip, now[1, 2] + y]])
         now[:, 2] -= now[:, :2] @ middle
         return self._out(now)
+
+    def size(self, fit: Fit) -> float:
+        """Plan pixels that the map's diagonal takes."""
+        return fit.scale * self.diagonal
 
     def spread(self, matrix: Doubles) -> float:
         """Share of what was seen that lies on walls, by length: dense cells count no more.

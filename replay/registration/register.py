@@ -11,7 +11,7 @@ import numpy as np
 from formats.errors import FormatError
 from replay.registration.polish import Bench, Fit
 from replay.registration.search import Candidate, search
-from replay.registration.seen import Doubles, Mask, Seen
+from replay.registration.seen import LEAST, Doubles, Mask, Seen
 
 STEP = 1.045  # ratio of neighbouring scales
 SLACK = 1.04  # of a known scale: drift stretches maps
@@ -23,6 +23,7 @@ COARSE, FINE = (4.0, 3.0, 3.0, 2.0, 2.0), (3.0, 2.0, 2.0, 1.5, 1.5, 1.0, 1.0, 1.
 HELD, SHARP = (2.0, 1.5, 1.0, 1.0), (0.7, 0.5, 0.5, 0.35, 0.35)
 BENT = 0.02  # of the score, which a map bent by drift loses when it is held to its scale
 APART = 0.1  # of the map's diagonal: nearer places are one
+SMALLEST = 32.0  # px of the plan that a map's diagonal takes: of smaller ones all fits a dot
 RUNNERS = 5
 MIRROR = 0.04  # what being mirrored costs of the score: plans seldom are
 # How sure, as a logistic of the lead over the next place, as a share of what the best one leaves
@@ -124,9 +125,10 @@ def align(
         name: of the map, for errors.
 
     Raises:
-        FormatError: no place fits at all.
+        FormatError: no place fits at all; the plan is of one colour.
     """
     started = perf_counter()
+    check_ink(walls, name)
     if isinstance(scale, tuple):
         low, high = scale
     else:
@@ -140,7 +142,7 @@ def align(
     rough = [bench.weigh(bench.polish(c.matrix, COARSE, within), 2.0) for c in picked]
     rough.sort(key=lambda f: -f.score)
     fits = [bench.weigh(bench.polish(f.matrix, FINE, within)) for f in _varied(rough)]
-    fits = [f for f in fits if f.explained > 0 and f.confirmed > 0]
+    fits = [f for f in fits if f.explained > 0 and f.confirmed > 0 and bench.size(f) >= SMALLEST]
     if not fits:
         raise FormatError(name, "no place on the plan fits it at all")
     known = scale if isinstance(scale, float) else None
@@ -165,20 +167,38 @@ def _sharpened(bench: Bench, fit: Fit, known: float | None, within: tuple[float,
     return sharp if sharp.score >= fit.score - BENT else fit
 
 
-def align_place(seen: Seen, walls: Mask, matrix: Doubles) -> Place:
+def align_place(seen: Seen, walls: Mask, matrix: Doubles, name: str = "") -> Place:
     """A place that somebody gave, weighed; it is taken as sure.
 
     Args:
         seen: what the robot saw.
         walls: (H, W) the plan's ink.
         matrix: (2, 3) as a place's.
+        name: of the map, for errors.
+
+    Raises:
+        FormatError: the plan is of one colour.
     """
+    check_ink(walls, name)
     fit = Bench(seen, walls).weigh(matrix @ np.linalg.inv(whole_of(seen)))
     return _place(matrix, fit)
 
 
 def _place(matrix: Doubles, fit: Fit) -> Place:
     return Place(matrix, fit.mirrored, fit.score, fit.explained, fit.confirmed)
+
+
+def check_ink(walls: Mask, name: str) -> None:
+    """A plan has ink and paper.
+
+    Raises:
+        FormatError: it is of one colour, or next to it.
+    """
+    hint = "is it the right picture?"
+    if int(walls.sum()) < LEAST:
+        raise FormatError(name, "the plan has next to no ink to lay it on", hint=hint)
+    if walls.all():
+        raise FormatError(name, "the plan is nothing but ink", hint=hint)
 
 
 def whole_of(seen: Seen) -> Doubles:
