@@ -75,3 +75,15 @@ class Frame:
     time_ns: int
     pose: Pose
     scan: Scan
+
+
+class Particles(NamedTuple):
+    """Where a localiser thought that the robot may be: a sample of its particles.
+
+    Attributes:
+        time_ns: of the scan that they were weighed by.
+        poses: (n, 3) x, y, yaw; m, m, rad; each as likely as the others.
+    """
+
+    time_ns: int
+    poses: Floats

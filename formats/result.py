@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from html import escape
@@ -11,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from formats.frame import Frame
-from formats.grid import Evidence, Grid, Update
+from formats.grid import Evidence, Geometry, Grid, Update
 
 
 class Counts(NamedTuple):
@@ -55,6 +56,21 @@ class Curve(NamedTuple):
     def of(self, evidence: Evidence) -> Grid:
         """The map of this evidence."""
         return evidence.on(self.prior, self.p_levels, self.update)
+
+
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")  # of a curve: it becomes part of a ROS topic's name
+
+
+def checked_curves(curves: Mapping[str, Curve], main: str, geometry: Geometry) -> dict[str, Curve]:
+    """The curves; ValueError where they do not fit together, or `main` is none of them."""
+    if main not in curves:
+        raise ValueError(f"the main curve {main!r} is not among {sorted(curves)}")
+    for name, curve in curves.items():
+        if not NAME.fullmatch(name):
+            raise ValueError(f"{name!r} cannot be part of a topic's name")
+        if curve.prior.geometry != geometry or len(curve.p_levels) != len(curves[main].p_levels):
+            raise ValueError(f"the curve {name!r} lies on another lattice or has other levels")
+    return dict(curves)
 
 
 class Maps(Mapping[str, Grid]):

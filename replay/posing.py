@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from formats.errors import Notes, UsageError
-from formats.frame import Floats, Pose
+from formats.frame import Floats, Particles, Pose
 from formats.plans.edits import PlanEdits
 from formats.plans.plan import Plan
 from formats.stream import PoseWish
@@ -19,7 +19,7 @@ from formats.streaming.explaining import tell_odometry
 from replay.drawn import PlanMethod, taken_apart
 from replay.localise.localising import LOCALISERS, localise
 from replay.localise.options import DEFAULTS as LOCALISING
-from replay.localise.poses import Poses, Times, compose
+from replay.localise.poses import Poses, Times, compose, placed
 
 HERE = Pose(0.0, 0.0, 0.0)
 
@@ -51,12 +51,14 @@ class Posed:
         said: a line about them, "" where the log's own are taken.
         facts: for `--json`.
         found: what the localiser found, in the frame of the plan's yaml; None: the log's own.
+        samples: of its particles now and then, of the sensor in the frame of the drive's poses.
     """
 
     drive: Drive
     said: str
     facts: dict[str, Any]
     found: Poses | None = None
+    samples: tuple[Particles, ...] = ()
 
     def covariances(self, turn: float) -> tuple[Times, Floats] | None:
         """Times (m,) int64 and covariances (m, 3, 3) in a frame turned so far, rad."""
@@ -173,7 +175,8 @@ def pose(
         "map_frame": "map",
         "settled_s": settled_after(found),
     }
-    return Posed(drive.placed(moved, choice), line, facts, found)
+    samples = placed(found.samples, to_map)
+    return Posed(drive.placed(moved, choice), line, facts, found, samples)
 
 
 def _fallen_back(decision: Decision, drive: Drive, notes: Notes) -> Posed:

@@ -132,6 +132,7 @@ def run(
             text = facts.markdown(title, said)
             told = {
                 "spread": spread_of(asked, world, posed),
+                "particles": posed.samples,
                 "places": posed.facts.get("places", ()),
             }
             viewer.show(
@@ -216,6 +217,7 @@ def writer_of(
         settings=asked.settings,
         map_to_plan=world.map_to_plan,
         covariances=spread_of(asked, world, posed),
+        particles=posed.samples,
         attachments={path.name: path.read_bytes() for path in world.files},
         facts=origin,
         force=force,

@@ -9,11 +9,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
+from formats.frame import Particles
 from replay.cli import VERBS
-from tests.runs import write_run
+from tests.runs import START, write_run
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES_OF_VERBS = {"paper": "reproduction", "demo": "command_line", "completion": "command_line"}
@@ -52,7 +54,11 @@ def test_every_verb_has_a_page() -> None:
 def test_layouts_name_topics_that_results_have(tmp_path: Path) -> None:
     from rosbags.highlevel import AnyReader
 
-    with AnyReader([write_run(tmp_path / "a.mcap", 5)]) as reader:
+    localised = {
+        "particles": [Particles(START, np.zeros((1, 3)))],
+        "covariances": (np.array([START]), np.eye(3)[None]),
+    }
+    with AnyReader([write_run(tmp_path / "a.mcap", 5, **localised)]) as reader:
         topics = {c.topic: reader.typestore.get_msgdef(c.msgtype) for c in reader.connections}
     layout = json.loads((ROOT / "docs/viewers/foxglove.json").read_text())["configById"]
     assert set(layout["3D!replay"]["topics"]) <= set(topics)
@@ -65,5 +71,6 @@ def test_layouts_name_topics_that_results_have(tmp_path: Path) -> None:
     displays = rviz["Visualization Manager"]["Displays"]
     shown = {entry["Topic"]["Value"]: entry for entry in displays if "Topic" in entry}
     assert set(shown) <= set(topics)
+    assert shown["/particle_cloud"]["Topic"]["Reliability Policy"] == "Best Effort"  # or none come
     for topic in ("/map", "/prior"):
         assert shown[topic]["Topic"]["Durability Policy"] == "Transient Local"

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import re
 import struct
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from types import TracebackType
@@ -16,19 +15,20 @@ import numpy.typing as npt
 
 from formats.errors import FormatError
 from formats.errors import Path as AnyPath
-from formats.frame import Pose
+from formats.frame import Particles, Pose
 from formats.grid import Evidence, Geometry
 from formats.mcap.writing import McapWriter
 from formats.media import media_type
 from formats.output import atomic
 from formats.plain_json import now, plain_json
-from formats.result import Curve, Step
+from formats.result import Curve, Step, checked_curves
 from formats.results import messages as ros
 from formats.results import records
 from formats.results.clouds import add_cloud
 from formats.results.contents import FORMAT, RECORD
 from formats.results.groups import grouped, scored_cells
 from formats.results.keyframes import LIMIT, Keyframes, Pictures, percent
+from formats.results.particles import add_particles
 from formats.results.reading import RunFile, read_result
 from formats.results.rosbag2_record import finish_bag
 from formats.sensing.ends import Points, end_points
@@ -39,7 +39,6 @@ Stream = tuple[str, str, npt.NDArray[Any]]  # topic, type, a record a frame
 HERE = Pose(0.0, 0.0, 0.0)
 BLOCK = 4096  # frames encoded at once
 IN_MEMORY = 1 << 24  # bytes of frames held before they go to a temporary file
-NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")  # of a curve: it becomes part of a ROS topic's name
 
 
 class ResultWriter:
@@ -61,6 +60,7 @@ class ResultWriter:
         map_to_plan: pose of the plan's frame in the frame of the poses.
         covariances: times (m,) ascending, of all frames and maybe others, and covariances
             (m, 3, 3) of x, y, yaw in the plan's frame; None where the poses are taken as exact.
+        particles: of a localiser now and then, in the frame of the poses.
         attachments: name -> bytes: plan, truth, parameters.
         facts: what is known of the run before it starts.
         force: replace an existing file.
@@ -82,13 +82,14 @@ class ResultWriter:
         settings: Mapping[str, Any] | None = None,
         map_to_plan: Pose = HERE,
         covariances: tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]] | None = None,
+        particles: Sequence[Particles] = (),
         attachments: Mapping[str, bytes] | None = None,
         facts: Mapping[str, Any] | None = None,
         force: bool = False,
         inputs: Iterable[AnyPath] = (),
     ) -> None:
         self._path, self._geometry = Path(path), geometry
-        self._curves, self._main = _checked(curves, main, geometry), main
+        self._curves, self._main = checked_curves(curves, main, geometry), main
         self._levels = len(curves[main].p_levels)
         self._layers = ros.checked_layers(layers or {}, geometry)
         priors = [curve.prior.values for curve in curves.values() if curve.prior.values.any()]
@@ -98,7 +99,7 @@ class ResultWriter:
             self._layers["prior_log_odds"] = -priors[0]
         self._settings, self._facts = dict(settings or {}), dict(facts or {})
         self._map_to_plan, self._attachments = map_to_plan, dict(attachments or {})
-        self._covariances = covariances
+        self._covariances, self._particles = covariances, particles
         self._atomic = atomic(path, force=force, inputs=list(inputs))
         self._keyframes = Keyframes(geometry, self._levels)
         self._scored: list[str] = []
@@ -251,7 +252,7 @@ class ResultWriter:
             first += len(block)
 
     def _kept(self, channels: ros.Channels) -> None:
-        """Groups, layers and evidence in chunks of their own: re-scoring opens no other.
+        """Groups, layers, evidence and particles in chunks of their own: few readers open them.
 
         Times of chunks overlap, then, which the index of the file accounts for.
         """
@@ -268,6 +269,10 @@ class ResultWriter:
             message = ros.evidence_message(time, self._geometry, self._levels, change)
             channels.add("/evidence", ros.EVIDENCE, time, message)
         channels.close_chunk()
+        for particles in self._particles:
+            add_particles(channels, particles)
+        if self._particles:
+            channels.close_chunk()
 
     def _once(self, channels: ros.Channels, time: int) -> None:
         """What holds for the whole run."""
@@ -286,15 +291,3 @@ class ResultWriter:
         self._held.seek(frame * self._record.size)
         (time,) = struct.unpack("<q", self._held.read(8))
         return int(time)
-
-
-def _checked(curves: Mapping[str, Curve], main: str, geometry: Geometry) -> dict[str, Curve]:
-    """The curves, if they fit together."""
-    if main not in curves:
-        raise ValueError(f"the main curve {main!r} is not among {sorted(curves)}")
-    for name, curve in curves.items():
-        if not NAME.fullmatch(name):
-            raise ValueError(f"{name!r} cannot be part of a topic's name")
-        if curve.prior.geometry != geometry or len(curve.p_levels) != len(curves[main].p_levels):
-            raise ValueError(f"the curve {name!r} lies on another lattice or has other levels")
-    return dict(curves)

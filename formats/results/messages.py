@@ -92,6 +92,7 @@ LAYERS: dict[str, type[np.generic]] = {
 }
 LATCHED = {"/tf_static", "/cells", "/prior", "/map", "/map_without_prior"}
 LATCHED |= {"/truth_map", "/plan_map", "/simulation"}
+SENSOR = {"/particle_cloud"}  # best effort, as nav2 offers it
 NEVER = "{sec: 9223372036, nsec: 854775807}"
 
 
@@ -115,12 +116,13 @@ def definition(name: str) -> str:
     return OWN[name] + mark + others  # our own text keeps its comments
 
 
-def qos(*, latched: bool) -> str:
-    """What rosbag2 writes into a channel's metadata "offered_qos_profiles": reliable, keep last."""
+def qos(topic: str) -> str:
+    """What rosbag2 writes into a channel's metadata "offered_qos_profiles": keep last."""
+    latched, sensor = topic in LATCHED, topic in SENSOR
     return f"""\
 - history: 1
-  depth: {1 if latched else 100}
-  reliability: 1
+  depth: {1 if latched else 5 if sensor else 100}
+  reliability: {2 if sensor else 1}
   durability: {1 if latched else 2}
   deadline: {NEVER}
   lifespan: {NEVER}
@@ -286,7 +288,7 @@ class Channels:
             if kind not in self._schemas:
                 text = definition(kind).encode()
                 self._schemas[kind] = self._writer.schema(kind, "ros2msg", text)
-            metadata = {"offered_qos_profiles": qos(latched=topic in LATCHED)}
+            metadata = {"offered_qos_profiles": qos(topic)}
             number = self._writer.channel(topic, "cdr", self._schemas[kind], metadata)
             self._channels[topic], self.kinds[topic] = number, kind
         return self._channels[topic]

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from formats.errors import Notes
 from formats.errors import Path as AnyPath
-from formats.frame import Pose
+from formats.frame import Particles, Pose
 from formats.grid import Evidence, Floats, Geometry, Grid
 from formats.result import Curve, Result
 from formats.results import messages as ros
@@ -20,10 +20,11 @@ from formats.results import records
 from formats.results.clouds import cloud_points
 from formats.results.contents import Messages, Stream, fitting, opened
 from formats.results.keyframes import Change
+from formats.results.particles import particle_poses
 from formats.sensing.ends import Points
 
 # the rest is for other tools
-READ = ("/pose", "/pose_with_covariance", "/cells", "/evidence", "/metrics/", "/scan_points")
+READ = ("/pose", "/cells", "/evidence", "/metrics/", "/scan_points", "/particle_cloud")
 READ_AGAIN = ("/cells", "/evidence")
 MAX_COUNTS = 1 << 29  # levels * rows * cols: 2 GiB of counts
 
@@ -45,6 +46,8 @@ class RunFile:
         times_ns: (frames,) int64.
         poses: (frames, 3) x, y, yaw of the sensor in the plan's frame.
         covariances: (frames, 3, 3) of x, y, yaw likewise; None where the poses are taken as exact.
+        particles: of a localiser now and then, of the sensor in the map's frame; none where the
+            poses are the log's.
         counts: scored curve -> (frames, 2, 4) int64: observed / unobserved by tp, fp, fn, tn.
         changes: of the evidence, keyframe by keyframe; all of them add up to the whole.
         points: frame -> where its beams ended, (n, 2) m in the plan's frame; of keyframes alone.
@@ -64,6 +67,7 @@ class RunFile:
     times_ns: npt.NDArray[np.int64]
     poses: Floats
     covariances: Floats | None
+    particles: tuple[Particles, ...]
     counts: dict[str, npt.NDArray[np.int64]]
     changes: list[Change]
     points: dict[int, Points]
@@ -173,6 +177,7 @@ def _run_file(
         times_ns=times,
         poses=records.poses(poses["pose"]),
         covariances=spread,
+        particles=_particles(messages.get("/particle_cloud", [])),
         counts={name: part["counts"].astype(np.int64) for name, part in scored.items()},
         changes=changes,
         points=_points(times, messages.get("/scan_points", [])),
@@ -226,6 +231,10 @@ def _points(times_ns: npt.NDArray[np.int64], stream: Stream) -> dict[int, Points
     """Clouds by the frame of their time."""
     frames = {int(time): frame for frame, time in enumerate(times_ns)}
     return {frames[time]: cloud_points(data) for time, data in stream}
+
+
+def _particles(stream: Stream) -> tuple[Particles, ...]:
+    return tuple(Particles(time, particle_poses(data)) for time, data in stream)
 
 
 def _change(geometry: Geometry, levels: int, frames: int, data: bytes) -> Change:

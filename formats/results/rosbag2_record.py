@@ -12,7 +12,7 @@ from typing import NamedTuple
 import yaml
 
 from formats.mcap.writing import McapWriter
-from formats.results.messages import LATCHED, Channels, qos
+from formats.results.messages import Channels, qos
 
 NAME = "rosbag2"
 VERSION = 5
@@ -71,8 +71,6 @@ def finish_bag(writer: McapWriter, channels: Channels) -> None:
     """The record, behind the last message, and the end of the file."""
     writer.close_chunk()
     pairs = zip(channels.kinds.items(), writer.counts, strict=True)
-    topics = [
-        Offered(topic, kind, qos(latched=topic in LATCHED), count) for (topic, kind), count in pairs
-    ]
+    topics = [Offered(topic, kind, qos(topic), count) for (topic, kind), count in pairs]
     writer.metadata(NAME, bag_metadata(FILE, topics, *writer.span))
     writer.finish()

@@ -15,7 +15,7 @@ from formats.streaming.drive import Drive
 from replay.localise.estimate import Estimate
 from replay.localise.field import Field, build_field
 from replay.localise.options import DEFAULTS, Options
-from replay.localise.poses import Poses, carried, compose, inverse, joined
+from replay.localise.poses import Poses, carried, compose, inverse, joined, placed
 from replay.localise.slam import fastslam, match_scans
 from replay.localise.tracking import Sighting, Track, on_plan, steps
 
@@ -110,7 +110,8 @@ def localise(
     last = np.maximum(np.searchsorted(rows, np.arange(m), side="right") - 1, 0)
     spun = np.array([_turned(frame, frame, c).covariance for c in track.covariances])
     row = int(rows[k]) if k < len(rows) else m
-    return Poses(drive.times_ns, sensor, spun[last], rows, track.particles, row, method)
+    samples = placed(track.samples, frame, drive.choice.sensor_pose)
+    return Poses(drive.times_ns, sensor, spun[last], rows, track.particles, row, method, samples)
 
 
 def _body(drive: Drive, odometry: Floats | None, track: Track) -> Floats:

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
-from formats.frame import Floats
+from formats.frame import Floats, Particles, Pose
 from formats.streaming.clock import SECOND
 from formats.streaming.track import JUMP_M, JUMP_RAD, JUMP_SPEED, JUMP_TURN
 
 Times = npt.NDArray[np.int64]
 Rows = npt.NDArray[np.intp]
+HERE = Pose(0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +30,7 @@ class Poses:
         particles: (k,) how many there were.
         settled: the first row from which the covariance is below 0.3 m and 10 degrees; m if never.
         method: "amcl".
+        samples: of the particles now and then, as poses of the sensor like `poses`.
     """
 
     times_ns: Times
@@ -37,6 +40,7 @@ class Poses:
     particles: npt.NDArray[np.int64]
     settled: int
     method: str
+    samples: tuple[Particles, ...] = ()
 
 
 def compose(a: Floats, b: Floats) -> Floats:
@@ -112,3 +116,13 @@ def carried(times_ns: Times, odometry: Floats, updates: Rows, estimates: Floats)
     yaw = first[:, 2] + share * turn
     out[:, 2] = np.arctan2(np.sin(yaw), np.cos(yaw))
     return out
+
+
+def placed(samples: Iterable[Particles], frame: Pose, mount: Pose = HERE) -> tuple[Particles, ...]:
+    """Particles in another frame, or of what is mounted on the body."""
+    out = []
+    for time_ns, poses in samples:
+        ones = np.ones((len(poses), 1))
+        moved = compose(compose(ones * frame, poses), ones * mount)
+        out.append(Particles(time_ns, moved))
+    return tuple(out)

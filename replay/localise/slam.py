@@ -24,6 +24,7 @@ from replay.localise.motion import Alphas, move_between, spreads
 from replay.localise.options import Options
 from replay.localise.pool import CELL
 from replay.localise.resampling import systematic
+from replay.localise.samples import Samples
 from replay.localise.tiles import Maps
 from replay.localise.tracking import Sighting, Track, moved_on
 
@@ -138,6 +139,7 @@ def fastslam(
         off = poses - poses[best]
         off[:, 2] = np.arctan2(np.sin(off[:, 2]), np.cos(off[:, 2]))
         track.add(one.time_ns, poses[best], (shares[:, None] * off).T @ off, count)
+        track.samples.offer(one.time_ns, poses, shares)
         paths.append(poses.copy())
         drawn = np.arange(count)
         if 1.0 / np.sum(shares**2) < 0.5 * count:
@@ -207,6 +209,7 @@ class _Recorded:
         self.poses: list[Floats] = []
         self.covariances: list[Floats] = []
         self.particles: list[int] = []
+        self.samples = Samples()
 
     def add(self, time_ns: int, pose: Floats, covariance: Any, particles: int) -> None:
         self.times.append(time_ns)
@@ -220,6 +223,7 @@ class _Recorded:
             np.array(self.poses).reshape(-1, 3),
             np.array(self.covariances).reshape(-1, 3, 3),
             np.array(self.particles, dtype=np.int64),
+            samples=self.samples.finished(),
         )
 
 

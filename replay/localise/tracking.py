@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from formats.frame import Floats, Pose, Scan
+from formats.frame import Floats, Particles, Pose, Scan
 from replay.localise.amcl import Amcl, Parameters
 from replay.localise.doubt import STAYED, fit_of, unsure
 from replay.localise.estimate import Estimate, settled
@@ -19,6 +19,7 @@ from replay.localise.likelihood import UNIT, BeamModel, LikelihoodField, Model, 
 from replay.localise.motion import Alphas, wrapped
 from replay.localise.options import Options
 from replay.localise.poses import Times
+from replay.localise.samples import Samples
 
 APART = 0.5  # m between two tracks, beyond which they are two answers
 BETTER = 0.97  # of the other's misfit, at which the track from the end is taken
@@ -52,6 +53,8 @@ class Track:
         particles: (k,) how many there were.
         doubt: what speaks against the plan, "" where nothing does; the covariances are then of
             being anywhere.
+        samples: of the particles now and then, of the body in the plan's own frame; of the way that
+            the filter went, like the covariances.
     """
 
     times_ns: Times
@@ -59,6 +62,7 @@ class Track:
     covariances: Floats
     particles: Times
     doubt: str = ""
+    samples: tuple[Particles, ...] = ()
 
     @property
     def settled(self) -> int:
@@ -74,7 +78,11 @@ class Track:
     def reversed(self) -> Track:
         """The same updates from the last to the first."""
         return Track(
-            self.times_ns[::-1], self.poses[::-1], self.covariances[::-1], self.particles[::-1]
+            self.times_ns[::-1],
+            self.poses[::-1],
+            self.covariances[::-1],
+            self.particles[::-1],
+            samples=self.samples[::-1],
         )
 
     @property
@@ -163,18 +171,20 @@ def _misfit(track: Track, used: list[Used], field: Field, options: Options) -> f
 
 def _followed(
     sightings: Iterable[Used], field: Field, start: Estimate | None, seed: int, options: Options
-) -> tuple[list[int], list[Estimate], list[int]]:
-    """Times, estimates and numbers of particles of all updates, in their order."""
+) -> tuple[list[int], list[Estimate], list[int], Samples]:
+    """Times, estimates, numbers and samples of particles of all updates, in their order."""
     model, settings = sensor_model(field, options), parameters(options)
     coarse = sensor_model(field, {**options, "sigma_hit": 2.0 * options["sigma_hit"]})
     ahead = Amcl(field, model, settings, coarse=coarse, start=start, seed=seed)
     used: list[Used] = []
     found: list[Estimate] = []
     particles: list[int] = []
+    samples = Samples()
     agreed = start is not None
     for one in sightings:
         found.append(ahead.update(one.odometry, one.reading))
         particles.append(len(ahead.particles))
+        samples.offer(one.time_ns, ahead.particles, ahead.weights)
         # Readings are held until the particles agree, since they are needed backwards.
         used.append(one._replace(reading=NOTHING) if agreed else one)
         if not agreed and found[-1].settled:
@@ -184,15 +194,18 @@ def _followed(
             for k in range(len(found) - 2, -1, -1):
                 pose = back.update(used[k].odometry, used[k].reading).pose
                 found[k] = found[k]._replace(pose=pose)
-    return [one.time_ns for one in used], found, particles
+    return [one.time_ns for one in used], found, particles, samples
 
 
-def _track(times: list[int], found: list[Estimate], particles: list[int]) -> Track:
+def _track(
+    times: list[int], found: list[Estimate], particles: list[int], samples: Samples
+) -> Track:
     return Track(
         np.array(times, dtype=np.int64),
         np.array([one.pose for one in found]).reshape(-1, 3),
         np.array([one.covariance for one in found]).reshape(-1, 3, 3),
         np.array(particles, dtype=np.int64),
+        samples=samples.finished(),
     )
 
 

@@ -6,26 +6,22 @@ the run is: scans and scores are thinned, and maps wait for their share.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import rerun as rr
 
-from formats.grid import Geometry
 from formats.results.records import ratios
 from replay.pictures import (
     CURVE_COLOURS,
     CURVE_NAMES,
-    FALSE,
-    FOUND,
-    MISSED,
     WALL_COLOURS,
     error_kinds,
-    thinning,
 )
 from replay.viewing.panels import METRICS
+from replay.viewing.particles import Trail
 from replay.viewing.scene import (
     BATCH,
     BUDGET,
@@ -39,15 +35,11 @@ from replay.viewing.scene import (
     strides,
 )
 from replay.viewing.shades import Shades
+from replay.viewing.shapes import ERROR_CLASSES, PLAN_CLASSES, classes, greys, placed, segments
 
-PLAN_CLASSES = (
-    ("wall of the plan", (60, 60, 60, 90)),
-    ("door of the plan", (86, 180, 233, 200)),
-    ("window of the plan", (0, 158, 115, 200)),
-)
-ERROR_CLASSES = (("found", FOUND), ("missed", MISSED), ("false", FALSE))
 SHADES_PACKED, KINDS_PACKED = 6, 16  # times smaller, about, maps are on their way
 SCAN, PATH, POSE, SPREAD = (213, 94, 0), (0, 158, 115), (0, 90, 50), (150, 60, 120)
+PARTICLES = (204, 121, 167)
 THIN, THICK = rr.Radius.ui_points(0.75), rr.Radius.ui_points(1.75)  # seen however large the plan
 TAKEN, RUNNER_UP = (0, 114, 178), (230, 159, 0)  # places of the plan
 Send = Callable[[Callable[[Any], None]], None]
@@ -85,6 +77,7 @@ class Drawing:
         self._pictures: dict[str, bytes] = {}
         self._moment = (0, 0, 0.0)  # frame, ns, share explored
         self._behind, self._place = False, np.empty((0, 2))  # m, where the path ended so far
+        self._trail = Trail(scene.particles)
         self._static()
 
     def _log(self, entity: str, thing: Any, *, static: bool = False) -> None:
@@ -102,18 +95,20 @@ class Drawing:
         flip = rr.Transform3D(mat3x3=[[1, 0, 0], [0, -1, 0], [0, 0, 1]])
         self._log("plan", flip, static=True)
         for entity in ("drawing", "with_prior", "without_prior", "errors"):
-            self._log(f"plan/{entity}", _placed(scene.geometry), static=True)
+            self._log(f"plan/{entity}", placed(scene.geometry), static=True)
         plan = np.zeros(scene.geometry.shape, dtype=np.uint8)
         for kind, cells in enumerate((scene.walls, scene.doors, scene.windows), 1):
             plan[cells] = kind
-        self._log("plan/drawing", _classes(PLAN_CLASSES), static=True)
-        self._log("plan/drawing/plan", _segments(plan, draw_order=-5), static=True)
-        self._log("plan/errors", _classes(ERROR_CLASSES), static=True)
+        self._log("plan/drawing", classes(PLAN_CLASSES), static=True)
+        self._log("plan/drawing/plan", segments(plan, draw_order=-5), static=True)
+        self._log("plan/errors", classes(ERROR_CLASSES), static=True)
         look = {"colors": [SCAN], "radii": [0.03]}
         self._log("plan/robot/scan", rr.Points2D.from_fields(**look), static=True)
         self._log("plan/robot/pose", rr.Arrows2D.from_fields(colors=[POSE]), static=True)
         look = {"colors": [SPREAD], "radii": [0.02]}
         self._log("plan/robot/covariance", rr.LineStrips2D.from_fields(**look), static=True)
+        look = {"colors": [PARTICLES], "radii": [rr.Radius.ui_points(1.5)]}
+        self._log("plan/particles", rr.Points2D.from_fields(**look), static=True)
         self._places()
         self.report(scene.report)
         for curve in self._curves():
@@ -193,6 +188,7 @@ class Drawing:
                 columns = rr.LineStrips2D.columns(strips=strips)
                 self._columns("plan/robot/covariance", times, columns)
         self._scans(block, seen)
+        self._particles(block, seen)
         for start in range(0, len(some), BATCH):
             self._path(block, some[start : start + BATCH], seen)
 
@@ -223,6 +219,15 @@ class Drawing:
             every = np.concatenate([points for points in scans if points is not None])
             columns = rr.Points2D.columns(positions=every).partition(lengths)
             self._columns("plan/robot/scan", self._times(block, np.array(known), seen), columns)
+
+    def _particles(self, block: Block, seen: npt.NDArray[np.float64]) -> None:
+        """Where the robot might be, as far as its localiser tells."""
+        if rows := self._trail.rows(block):
+            at = np.array([row for row, _ in rows])
+            every = np.concatenate([points for _, points in rows])
+            columns = rr.Points2D.columns(positions=every)
+            columns = columns.partition([len(points) for _, points in rows])
+            self._columns("plan/particles", self._times(block, at, seen), columns)
 
     def _times(
         self,
@@ -277,11 +282,11 @@ class Drawing:
             shown["with_prior"] = shades.shades[scene.main]
         for entity, cells in shown.items():
             if self._new(entity, cells.tobytes(), SHADES_PACKED):
-                self._log(f"plan/{entity}/map", _shades(cells, draw_order=-10))
+                self._log(f"plan/{entity}/map", greys(cells, draw_order=-10))
         if scene.scored.any():
             kinds = error_kinds(shades.occupied[scene.main], scene.truth, scene.scored)
             if self._new("errors", kinds.tobytes(), KINDS_PACKED):
-                self._log("plan/errors/map", _segments(kinds, draw_order=-1))
+                self._log("plan/errors/map", segments(kinds, draw_order=-1))
 
     def _new(self, entity: str, data: bytes, packed: int) -> bool:
         """Whether this differs from what the viewer shows already; it counts, packed, if so."""
@@ -290,28 +295,3 @@ class Drawing:
         self._pictures[entity] = data
         self._sent += len(data) // packed
         return True
-
-
-def _placed(geometry: Geometry) -> Any:
-    """Cells to metres of the plan's frame."""
-    cell = geometry.resolution * thinning(geometry.shape)
-    return rr.Transform3D(translation=[geometry.x, geometry.y, 0], scale=cell)
-
-
-def _classes(classes: Sequence[tuple[str, tuple[int, ...]]]) -> Any:
-    """Names and colours of the classes of cells from 1; 0 is clear."""
-    clear = rr.AnnotationInfo(0, color=(0, 0, 0, 0))
-    named = [rr.AnnotationInfo(i, name, colour) for i, (name, colour) in enumerate(classes, 1)]
-    return rr.AnnotationContext([clear, *named])
-
-
-def _shades(cells: npt.NDArray[np.uint8], draw_order: float) -> Any:
-    """Shades of cells, not as PNG: of those that change, the web viewer shows none."""
-    thin = thinning((cells.shape[0], cells.shape[1]))
-    return rr.Image(cells[::thin, ::thin], color_model="L", draw_order=draw_order)
-
-
-def _segments(cells: npt.NDArray[np.uint8], draw_order: float) -> Any:
-    """Classes of cells; clear ones let through what lies below, which a PNG does not everywhere."""
-    thin = thinning((cells.shape[0], cells.shape[1]))
-    return rr.SegmentationImage(cells[::thin, ::thin], draw_order=draw_order)

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from formats.frame import Pose
+from formats.frame import Particles, Pose
 from formats.grid import Geometry
 from formats.plans.plan import Extent
 from formats.results.file import RunFile
 from replay.facts import markdown
+from replay.localise.poses import placed
 from replay.pictures import Bools
 from replay.surveying.deviations import Deviations
 from replay.viewing.scene import Block, Keyframe, Outline, Scene, Walls, explored
@@ -32,6 +33,7 @@ def scene_of_world(
     *,
     spread: tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]] | None = None,
     places: Sequence[Mapping[str, Any]] = (),
+    particles: Sequence[Particles] = (),
 ) -> Scene:
     """The scene of a run that is about to start.
 
@@ -41,6 +43,7 @@ def scene_of_world(
         bounds: x0, y0, x1, y1 of the poses in their own frame, m.
         spread: see Scene.
         places: of the plan, as `replay.placing.located` tells.
+        particles: of a localiser now and then, in the frame of the poses.
     """
     a, b, c, d = bounds
     corners = world.map_to_plan.inverse().apply([(a, b), (a, d), (c, b), (c, d)])
@@ -64,6 +67,7 @@ def scene_of_world(
         frames=frames,
         spread=spread,
         places=_outlines(places, world.map_to_plan),
+        particles=_on_plan(particles, world.map_to_plan),
     )
 
 
@@ -91,6 +95,7 @@ def scene_of_file(run: RunFile, name: str) -> Scene:
         frames=len(run.times_ns),
         spread=None if run.covariances is None else (run.times_ns, run.covariances),
         places=_outlines(run.facts.get("places", ()), run.map_to_plan),
+        particles=_on_plan(run.particles, run.map_to_plan),
     )
 
 
@@ -110,6 +115,11 @@ def _outlines(places: Sequence[Mapping[str, Any]], map_to_plan: Pose) -> tuple[O
     """Places of the plan, told in the frame of the poses, in the plan's own."""
     back = map_to_plan.inverse()
     return tuple(Outline(float(p["score"]), back.apply(p["corners"])) for p in places)
+
+
+def _on_plan(samples: Sequence[Particles], map_to_plan: Pose) -> tuple[Particles, ...]:
+    """Where they lie in the plan's frame."""
+    return placed(samples, map_to_plan.inverse())
 
 
 def events(run: RunFile) -> Iterator[Block | Keyframe]:

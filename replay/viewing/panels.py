@@ -13,6 +13,7 @@ from replay.viewing.scene import Scene
 METRICS = {"f2": "F2", "precision": "Precision", "recall": "Recall"}
 ERRORS = "Errors: found blue, missed orange, false pink"
 WALLS = "Walls: blue kept, orange moved, red not there, green new"
+PARTICLES = "Particles"  # tabs are narrow
 PLACES = "Plan's place: blue taken, orange runners-up"
 PAPER = (245, 245, 245)
 WHOLE = rrb.TimeRange(rrb.TimeRangeBoundary.infinite(), rrb.TimeRangeBoundary.infinite())
@@ -47,7 +48,12 @@ def _single(scene: Scene) -> Any:
         plan = [_map(scene, "", "walls", WALLS), _map(scene, "", "plan", "Plan")]
         if scene.places:
             plan.insert(1, _places(scene))
-        maps.append(rrb.Tabs(*plan, active_tab=0) if scene.places else plan[0])
+        if scene.particles:
+            plan.insert(1, _map(scene, "", "particles", PARTICLES))
+        more = scene.places or scene.particles
+        maps.append(rrb.Tabs(*plan, active_tab=0) if more else plan[0])
+    elif scene.particles:
+        maps.append(_map(scene, "", "particles", PARTICLES))
     if not scene.scored.any():
         return rrb.Horizontal(*maps, report, column_shares=[3] * len(maps) + [1])
     return rrb.Vertical(

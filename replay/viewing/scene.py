@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from formats.frame import Particles
 from formats.grid import Floats, Geometry
 from formats.plans.plan import Extent
 from formats.result import Curve
@@ -96,6 +97,7 @@ class Scene:
         frames: how many will come, as far as known.
         spread: times (m,) ns, ascending, and covariances (m, 3, 3) of the pose in the plan's frame;
             None: the poses are taken as exact.
+        particles: of a localiser now and then, in the plan's frame.
         places: where the plan may lie, the one taken first; none where it was not searched for.
     """
 
@@ -114,6 +116,7 @@ class Scene:
     frames: int
     spread: tuple[npt.NDArray[np.int64], Floats] | None = None
     places: tuple[Outline, ...] = ()
+    particles: tuple[Particles, ...] = ()
 
     @property
     def drawn(self) -> bool:

@@ -163,6 +163,28 @@ def test_the_covariance_is_in_the_result(tmp_path: Path, plan: Path) -> None:
     assert [m.pose.pose.position.x for m in messages] == pytest.approx(poses[:, 0].tolist())
 
 
+def test_particles_are_in_the_result(tmp_path: Path, plan: Path) -> None:
+    """All over the building at first, around the sensor's pose at the end; no more than 500."""
+    mapped(tmp_path, log_of(TRUTH), plan, seed=1)
+    out = tmp_path / "x.replay.mcap"
+    with AnyReader([out]) as reader:
+        topics = [c for c in reader.connections if c.topic == "/particle_cloud"]
+        messages: list[Any] = [
+            (time, reader.deserialize(m, c.msgtype)) for c, time, m in reader.messages(topics)
+        ]
+    run = read_result(out, Notes())
+    assert {time for time, _ in messages} <= set(run.times_ns.tolist())
+    assert {len(message.poses) for _, message in messages} == {500}
+    places = [np.array([(p.position.x, p.position.y) for p in m.poses]) for _, m in messages]
+    assert np.ptp(places[0], axis=0).min() > 2.0
+    last = run.times_ns.tolist().index(messages[-1][0])
+    assert messages[-1][1].header.frame_id == "map"
+    there = run.map_to_plan.apply(run.poses[last : last + 1, :2])
+    assert np.allclose(places[-1].mean(axis=0), there, atol=0.1)
+    own = np.sqrt(run.covariances[last][[0, 1], [0, 1]])  # type: ignore[index]
+    assert np.allclose(places[-1].std(axis=0), own, rtol=0.3, atol=0.02)
+
+
 @pytest.mark.parametrize("poses", ["auto", "amcl"])
 def test_a_filter_that_never_was_certain_is_warned_of(
     tmp_path: Path, plan: Path, poses: str

@@ -17,15 +17,16 @@ import rerun as rr
 from scipy.stats import chi2
 
 from formats.errors import FormatError, Notes, UsageError
-from formats.frame import Frame, Pose, Scan
+from formats.frame import Frame, Particles, Pose, Scan
 from formats.results.file import read_result
 from formats.sensing.ends import end_points
 from replay import deviation, run, view
 from replay.pictures import FALSE, FOUND, MISSED, coloured, error_kinds, errors, png, thinning
 from replay.placing import corners_of
 from replay.viewing.looking import record
+from replay.viewing.particles import Trail
 from replay.viewing.process import start_unseen
-from replay.viewing.scene import ellipses
+from replay.viewing.scene import Block, ellipses
 
 ROOT = Path(__file__).resolve().parents[2]
 SAMPLES = ROOT / "sample_logs"
@@ -406,6 +407,34 @@ def test_covariances_are_drawn_where_a_localiser_tells_them(tmp_path: Path) -> N
         np.array(live)[:, 0], ellipses(back.covariances, back.poses[:, :2]), atol=1e-4
     )
     assert np.allclose(column(tmp_path / "again.rrd", "/plan/robot/covariance", "strips"), live)
+    drawn = column(tmp_path / "run.rrd", "/plan/particles", "positions")
+    again = column(tmp_path / "again.rrd", "/plan/particles", "positions")
+    assert drawn
+    for live_ones, then in zip(drawn, again, strict=True):
+        assert np.allclose(live_ones, then, atol=1e-5)
+    spread = [np.ptp(np.array(points), axis=0).max() for points in drawn if points]
+    assert spread[0] > 5.0  # anywhere on the plan at first
+
+
+def test_particles_are_shown_until_the_robot_has_gone_on() -> None:
+    """Frames every second, 0.4 m apart; samples at the first, between the sixth and the eighth."""
+
+    def at(frames: list[int]) -> Block:
+        x = 0.4 * np.array(frames)
+        poses = np.stack([x, 0.0 * x, 0.0 * x], axis=1)
+        return Block(np.array(frames), 10**9 * np.array(frames), poses, {}, [None] * len(frames))
+
+    samples = [
+        Particles(int(1e9 * seconds), np.full((2, 3), seconds)) for seconds in (0.0, 5.5, 5.7, 7.0)
+    ]
+    trail = Trail(samples)
+    first, second, third = (
+        [(row, len(points), float(points[0, 0]) if len(points) else None) for row, points in rows]
+        for rows in (trail.rows(at([0, 1])), trail.rows(at([2, 3, 4, 5, 6])), trail.rows(at([7])))
+    )
+    assert first == [(0, 2, 0.0)]
+    assert second == [(1, 0, None), (4, 2, 5.7)]  # frame 3 is 1.2 m on
+    assert third == [(0, 2, 7.0)]
 
 
 def test_places_of_the_plan_are_outlined(recorded: tuple[Path, Any], tmp_path: Path) -> None:
