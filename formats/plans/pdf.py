@@ -6,7 +6,6 @@ from formats.picture_header import INCH, PictureError
 from formats.plans.paper import Asked, Sheet, page_dpi, scales_in
 
 POINTS = 72  # an inch
-WRONG_PASSWORD = 4  # FPDF_ERR_PASSWORD
 
 
 def render(data: bytes, asked: Asked) -> Sheet:
@@ -19,8 +18,8 @@ def render(data: bytes, asked: Asked) -> Sheet:
 
     try:
         document = pypdfium2.PdfDocument(data)
-    except pypdfium2.PdfiumError as error:
-        if getattr(error, "err_code", None) == WRONG_PASSWORD:
+    except pypdfium2.PdfiumError:
+        if pypdfium2.raw.FPDF_GetLastError() == pypdfium2.raw.FPDF_ERR_PASSWORD:
             raise PictureError("the PDF asks for a password", "save it without one") from None
         raise PictureError("the PDF is damaged or cut", "copy it again, or save as PNG") from None
     pages = len(document)
