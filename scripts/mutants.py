@@ -82,6 +82,7 @@ TARGETS = {
 }
 
 NEVER = "no sum of logarithms meets that constant to the bit"
+MEANINGLESS = "a track without samples has no pose, whatever stands there"
 EQUIVALENT: dict[tuple[str, str, str], str] = {
     (
         "formats.grid",
@@ -108,6 +109,41 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         'odd["another static value (the last one counts)"] = 1',
         "1 -> 2",
     ): "that it is there is what counts",
+    (
+        "formats.streaming.tf",
+        "def settle(self, clock: Clock, zero_ns: int = 0, max_gap_ns: int = MAX_GAP_NS) -> None:",
+        "0 -> 1",
+    ): "notes say hundredths of a second",
+    (
+        "formats.streaming.track",
+        "return bool(still) and bool(np.all(np.abs(turns @ turns[0]) >= STEADY_DOT))",
+        "GtE -> Gt",
+    ): NEVER,
+    (
+        "formats.streaming.track",
+        "identity = np.tile([0.0, 0, 0, 0, 0, 0, 1], (len(times_ns), 1))",
+        "0.0 -> 1.0",
+    ): MEANINGLESS,
+    (
+        "formats.streaming.track",
+        "identity = np.tile([0.0, 0, 0, 0, 0, 0, 1], (len(times_ns), 1))",
+        "0 -> 1",
+    ): MEANINGLESS,
+    (
+        "formats.streaming.track",
+        "scaled = turned & placed & (off > UNIT)",
+        "Gt -> GtE",
+    ): "no norm near 1 is off by that constant to the bit",
+    (
+        "formats.streaming.track",
+        "a = np.where(near, 1.0 - share, np.sin((1.0 - share) * angle) / safe)",
+        "1.0 -> 2.0",
+    ): "both turns are the same there, and their sum is normalised",
+    (
+        "formats.streaming.track",
+        "turned /= np.linalg.norm(turned, axis=1, keepdims=True)",
+        "Div -> Mult",
+    ): "it takes off a rounding, which squares",
     (
         "replay.scoring.scorer",
         "self._readings = 0 if seen is None else int(seen.max(initial=0))",

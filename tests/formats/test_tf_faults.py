@@ -255,3 +255,25 @@ def test_poses_that_always_come_seldom_have_longer_gaps(steps: int, gap: float, 
     middle = round((3.0 * (steps - 1) + gap / 2) * SECOND)
     assert tf.lookup("odom", "base", [middle]).valid.tolist() == [held]
     assert tf.lookup("odom", "base", [round(4.5 * SECOND)]).valid.all()
+
+
+def test_the_farthest_place_that_counts() -> None:
+    """Below 1e8 m along every axis, either way."""
+    tf = tree()
+    far = float(np.nextafter(1e8, 0.0))
+    odd = [(1e8, 0.0, 0.0), (0.0, -1e8, 0.0), (0.0, 0.0, 1e8)]
+    places = [(far, -far, far), *odd, (-far, far, -far)]
+    for k, (x, y, z) in enumerate(places):
+        put(tf, "odom", "base", 10.0 * k, (x, y, z, 0.0, 0.0, 0.0, 1.0))
+    track = tf.track(("odom", "base"))
+    assert (track.times_ns / SECOND).tolist() == [0.0, 40.0]
+    assert track.odd == {"place not finite or beyond 1e8 m (dropped)": 3}
+
+
+def test_samples_a_nanosecond_apart_are_two() -> None:
+    tf = tree()
+    for ns, x in ((0, 0.0), (1, 0.5)):
+        tf.add([Transform(ns, "odom", "base", numbers(x, 0, 0))], ns, static=False)
+    found = tf.lookup("odom", "base", [0, 1])
+    assert found.valid.all()
+    assert found.matrices[:, 0, 3].tolist() == [0.0, 0.5]
