@@ -177,6 +177,32 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "2 -> 3",
     ): "a longer tail that repeats the last sum and is never asked for",
     (
+        "replay.tuning.front",
+        "if width_a[i] * width_b[j] <= width_a[k] * width_b[m]:",
+        "LtE -> Lt",
+    ): "of choices that are as wide any will do",
+    ("replay.tuning.front", "if y < ceiling:", "Lt -> LtE"): "an area of 0 more",
+    (
+        "replay.tuning.front",
+        "inside = objectives[(objectives < reference).all(axis=1)]",
+        "Lt -> LtE",
+    ): "an area of 0 more",
+    (
+        "replay.tuning.surfaces",
+        "tp, fp = (w + s + f for w, s, f in zip(walls, spaces, self.fixed, strict=True))",
+        "True -> False",
+    ): "each is a pair",
+    (
+        "replay.tuning.surfaces",
+        "for w, s, fixed in zip(walls, spaces, self.fixed, strict=True)",
+        "True -> False",
+    ): "each is a pair",
+    (
+        "replay.tuning.surfaces",
+        "return np.round(np.linspace(low, high, steps), 12)",
+        "12 -> 13",
+    ): "enough for 0.3 to be 0.3 either way",
+    (
         "formats.grid",
         "for size, row in zip(sizes, signs, strict=True):",
         "True -> False",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from hypothesis import strategies as st
@@ -11,7 +12,7 @@ from formats.grid import Evidence, Geometry, Grid, Update, logit
 from formats.result import Counts
 from replay.prior import used
 from replay.scoring.scorer import count
-from replay.tuning.cases import KINDS, OUTSIDE, SPACE, WALL, Ground
+from replay.tuning.cases import DOOR, KINDS, MIXED, OUTSIDE, SPACE, WALL, WINDOW, Ground
 from replay.tuning.surfaces import Values
 
 LEVELS = (0.3, 0.6)
@@ -32,17 +33,32 @@ def world(seed: int, most: int = 4, levels: int = 2) -> tuple[Ground, Evidence]:
     return ground, Evidence(GEOMETRY, counts.reshape(levels, *SHAPE).astype(np.uint32))
 
 
+def with_openings(ground: Ground, random: np.random.Generator) -> Ground:
+    """Some cells are doors, windows, or partly wall."""
+    kinds, shares = ground.kinds.copy(), ground.shares.copy()
+    for kind in (DOOR, WINDOW, MIXED):
+        kinds[random.random(kinds.size) < 0.2] = KINDS.index(kind)
+    mixed = kinds == KINDS.index(MIXED)
+    shares[mixed] = random.choice([0.25, 0.5, 0.75], int(mixed.sum()))
+    return replace(ground, kinds=kinds, shares=shares)
+
+
 def slow_counts(
     ground: Ground, evidence: Evidence, values: Values, p_wall: float, p_space: float
 ) -> Counts:
     """The map is drawn and counted cell by cell, as a run would."""
+    scale = values.prior_scale
     p = {
-        WALL: used(p_wall, values.prior_scale),
-        SPACE: used(p_space, values.prior_scale),
+        WALL: used(p_wall, scale),
+        SPACE: used(p_space, scale),
+        DOOR: used(p_space if values.p_door is None else values.p_door, scale),
+        WINDOW: used(p_wall if values.p_window is None else values.p_window, scale),
         OUTSIDE: used(values.p_outside, 1.0),
     }
     l0 = np.zeros(GEOMETRY.rows * GEOMETRY.cols)
-    l0[ground.where] = [logit(p[KINDS[k]]) for k in ground.kinds.tolist()]
+    for cell, k, share in zip(ground.where, ground.kinds, ground.shares, strict=True):
+        mixture = share * p[WALL] + (1.0 - share) * p[SPACE]
+        l0[cell] = logit(float(mixture if KINDS[k] == MIXED else p[KINDS[k]]))
     prior = Grid(evidence.geometry, l0.reshape(SHAPE))
     occupied = evidence.on(prior, values.p_levels, values.update).occupied()
     wall, scored = np.zeros(l0.size, dtype=np.bool_), np.zeros(l0.size, dtype=np.bool_)

@@ -13,8 +13,8 @@ from formats.grid import Update
 from replay.sensors.observer import MODELS
 from replay.tuning.cases import Case, Cells
 from replay.tuning.flips import last_empty
-from replay.tuning.surfaces import Tables, Values, grid
-from tests.tuning_worlds import seeds, sensors, slow_counts, updates, world
+from replay.tuning.surfaces import Scores, Tables, Values, grid, worst
+from tests.tuning_worlds import seeds, sensors, slow_counts, updates, with_openings, world
 
 
 @settings(max_examples=40, deadline=None)
@@ -32,6 +32,41 @@ def test_every_prior_scores_as_its_map_does(
             counts = slow_counts(ground, evidence, values, p_wall, p_space)
             assert (scores.tp[i, j], scores.fp[i, j]) == counts[:2]
             assert scores.walls == counts.tp + counts.fn
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    seeds, updates, st.sampled_from([None, 0.4, 5 / 9, 1.0]), st.sampled_from([None, 0.3, 5 / 9])
+)
+def test_openings_and_cells_that_are_partly_wall(
+    seed: int, update: Update, p_door: float | None, p_window: float | None
+) -> None:
+    ground, evidence = world(seed)
+    ground = with_openings(ground, np.random.default_rng(seed))
+    tables = Tables(
+        ground.case(evidence), Values((0.3, 0.6), update, p_door=p_door, p_window=p_window)
+    )
+    p = [0.1, 0.3, 5 / 9, 0.8, 1.0]
+    scores = tables.surface(p, p)
+    for i, p_wall in enumerate(p):
+        for j, p_space in enumerate(p):
+            counts = slow_counts(ground, evidence, tables.values, p_wall, p_space)
+            assert (scores.tp[i, j], scores.fp[i, j]) == counts[:2]
+            single = tables.at([p_wall], [p_space])
+            assert (single.tp[0], single.fp[0], single.walls) == (*counts[:2], scores.walls)
+    # Without a prior all are at one half, openings too: printed, that is 0.5 / 0.9.
+    half = replace(tables.values, p_door=5 / 9, p_window=5 / 9, p_outside=0.5)
+    none = tables.without_prior()
+    counts = slow_counts(ground, evidence, half, 5 / 9, 5 / 9)
+    assert (int(none.tp), int(none.fp)) == counts[:2]
+
+
+def test_the_worst_of_surfaces_and_the_objectives_of_many_by_hand() -> None:
+    surfaces = [np.array([[0.1, 0.9], [0.5, 0.2]]), np.array([[0.3, 0.4], [0.5, 0.7]])]
+    assert worst(surfaces).tolist() == [[0.1, 0.4], [0.5, 0.2]]
+    scores = Scores(np.array([[1, 2], [4, 0]]), np.array([[1, 6], [0, 3]]), 4)
+    wanted = [[[2.0, 4.0], [4.0, 2.0]], [[1.0, 1.0], [np.inf, np.inf]]]
+    assert scores.objectives().tolist() == wanted
 
 
 def test_single_pairs_are_the_surface() -> None:
@@ -66,8 +101,6 @@ def test_without_a_prior_every_class_is_at_one_half() -> None:
 
 
 def test_rates_of_scores_by_hand() -> None:
-    from replay.tuning.surfaces import Scores
-
     scores = Scores(np.array([0, 6, 8]), np.array([0, 2, 8]), 10)
     assert scores.precision.tolist() == [0.0, 0.75, 0.5]
     assert scores.recall.tolist() == [0.0, 0.6, 0.8]

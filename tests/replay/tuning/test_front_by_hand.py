@@ -17,9 +17,9 @@ from tests.tuning_worlds import rates, seeds, slow_counts, updates, world
 from tests.tuning_worlds import unbeaten as by_every_pair
 
 
-def spans(*ends: tuple[float, float]) -> np.ndarray:
-    """(n, 1, 3) of one probability, with its middle halfway."""
-    return np.array([[[low, (low + high) / 2, high]] for low, high in ends])
+def spans(*ends: tuple[float, float], part: float = 0.5) -> np.ndarray:
+    """(n, 1, 3) of one probability, with its middle at a part of the way."""
+    return np.array([[[low, low + part * (high - low), high]] for low, high in ends])
 
 
 def test_acceptable_is_above_forty_per_cent_of_both() -> None:
@@ -59,10 +59,13 @@ def test_pieces_of_a_class_by_hand() -> None:
 
 
 def test_of_equal_pieces_the_widest_is_kept() -> None:
-    ends = [(0.8, 0.9), (0.1, 0.4), (0.5, 0.6), (0.6, 0.7)]
-    found = unbeaten(np.array([5, 5, 5, 4]), np.array([2, 2, 3, 2]), spans(*ends))
+    tp, fp = np.array([5, 5, 5, 4]), np.array([2, 2, 3, 2])
+    wide = spans((0.1, 0.4), part=0.9)  # its middle lies near its end
+    ends = spans((0.8, 0.9), (0.1, 0.4), (0.5, 0.6), (0.6, 0.7), part=0.1)
+    ends[1] = wide[0]
+    found = unbeaten(tp, fp, ends)
     assert (found.tp.tolist(), found.fp.tolist()) == ([5], [2])
-    assert found.spans.tolist() == spans((0.1, 0.4)).tolist()
+    assert found.spans.tolist() == wide.tolist()
 
 
 choice = st.tuples(st.integers(0, 4), st.integers(0, 3), st.integers(1, 4), st.integers(0, 5))
@@ -76,7 +79,8 @@ def test_two_classes_together_are_the_best_of_all_pairs(
     both = []
     for rows in (sorted(first), sorted(second)):
         tp, fp, width, low = np.array(rows).T
-        both.append(Pieces(tp, fp, np.stack([low, low, low + width], axis=1)[:, None] * 0.125))
+        middle = low + width * (tp % 2)
+        both.append(Pieces(tp, fp, np.stack([low, middle, low + width], axis=1)[:, None] * 0.125))
     a, b = both
     every = [
         (int(a.tp[i] + b.tp[j]), int(a.fp[i] + b.fp[j]), i, j)
@@ -111,7 +115,7 @@ def test_points_that_no_other_beats_by_hand() -> None:
     assert front.scores.tp.tolist() == [1, 4, 8]
     assert front.scores.fp.tolist() == [0, 1, 4]
     assert front.spans.tolist() == spans(ends[1], ends[3], ends[5]).tolist()
-    assert front.points.tolist() == [[0.125], [pytest.approx(0.325)], [pytest.approx(0.525)]]
+    assert front.points.ravel() == pytest.approx([0.125, 0.325, 0.525])
     nothing = pareto(Scores(np.array([0, 0]), np.array([0, 3]), 10), spans(*ends[:2]))
     assert nothing.spans.shape == (0, 1, 3)
 
