@@ -15,17 +15,28 @@ from typing import Any
 import numpy as np
 
 from formats.errors import FormatError, Notes, UsageError
+from formats.frame import Floats, Scan
 from formats.grid import Evidence
 from formats.output import atomic, check_room
 from formats.result import Step
 from formats.results.keyframes import change
-from formats.sensing.ends import Points, end_points
+from formats.sensing.ends import Beams, thinned
 from replay.viewing.helper import Helper
-from replay.viewing.scene import BATCH, BUDGET, Block, Keyframe, Scene, Walls, explored, strides
+from replay.viewing.scene import (
+    BATCH,
+    BUDGET,
+    Block,
+    Keyframe,
+    Scene,
+    Sighted,
+    Walls,
+    explored,
+    strides,
+)
 
 ADDRESS = re.compile(r"rerun(\+https?)?://(?P<host>[^/\s]+):(?P<port>\d{1,5})/proxy")
 LEAST = 1 << 23  # bytes free, below which a recording is not begun
-Sendable = Scene | Block | Keyframe | Walls | str | None
+Sendable = Scene | Sighted | Keyframe | Walls | str | None
 
 
 class Viewer:
@@ -68,6 +79,7 @@ class Viewer:
         self._notes, self._say = Notes() if notes is None else notes, say
         self._scene: Scene | None = None
         self._last: Step | None = None  # behind the last keyframe
+        self._shared: tuple[Floats | None, Floats] = None, np.empty(0)  # bearings, and thinned
         self._empty()
         self.written = False
 
@@ -126,12 +138,19 @@ class Viewer:
         counts = step.counts.values()
         self._counts.extend([n for split in counts for part in split for n in part])
         wanted = step.index % self._every == 0
-        self._points.append(end_points(step.frame) if wanted else None)
+        self._beams.append(self._kept(step.frame.scan) if wanted else None)
         self._last = step
         if step.keyframe:
             self._change(step)
         elif len(self._index) >= BATCH:
             self._flush()
+
+    def _kept(self, scan: Scan) -> Beams:
+        """What is drawn of a scan, for itself: bearings that scans share are kept once."""
+        beams = thinned(scan)
+        if scan.bearings is not self._shared[0]:
+            self._shared = scan.bearings, beams.bearings.copy()
+        return beams._replace(bearings=self._shared[1], ranges=beams.ranges.copy())
 
     def _change(self, step: Step) -> None:
         """A keyframe, behind all frames up to it."""
@@ -146,7 +165,7 @@ class Viewer:
     def _empty(self) -> None:
         self._index, self._times = array("q"), array("q")
         self._poses, self._counts = array("d"), array("q")
-        self._points: list[Points | None] = []
+        self._beams: list[Beams | None] = []
 
     def _flush(self) -> None:
         frames = len(self._index)
@@ -159,10 +178,11 @@ class Viewer:
             np.array(self._times, dtype=np.int64),
             np.array(self._poses).reshape(frames, 3),
             {name: table[:, i] for i, name in enumerate(names)},
-            self._points,
+            [],
         )
+        sighted = Sighted(block, self._beams)
         self._empty()
-        self._send(block)
+        self._send(sighted)
 
     def _send(self, message: Sendable) -> None:
         """What is lost on the way is said of at the end."""

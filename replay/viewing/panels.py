@@ -59,7 +59,7 @@ def _single(scene: Scene) -> Any:
     return rrb.Vertical(
         rrb.Horizontal(*maps),
         rrb.Horizontal(
-            *(_series([f"/score/{key}/**"], name) for key, name in METRICS.items()),
+            *(_series([f"/score/{key}/**"], name, room=True) for key, name in METRICS.items()),
             coverage,
             report,
         ),
@@ -117,12 +117,13 @@ def _places(scene: Scene) -> Any:
     )
 
 
-def _series(entities: Sequence[str], name: str) -> Any:
+def _series(entities: Sequence[str], name: str, *, room: bool = False) -> Any:
+    """Curves over time; with room below them for a legend of three lines."""
     return rrb.TimeSeriesView(
         origin="/",
         name=name,
         contents=[f"+ {entity}" for entity in entities],
         axis_x=rrb.TimeAxis(view_range=WHOLE),
-        axis_y=rrb.ScalarAxis(range=(-0.05, 1.05), zoom_lock=True),
+        axis_y=rrb.ScalarAxis(range=(-0.3 if room else -0.05, 1.05), zoom_lock=True),
         plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightBottom),
     )

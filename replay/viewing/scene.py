@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from formats.frame import Particles
+from formats.frame import Particles, Pose
 from formats.grid import Floats, Geometry
 from formats.plans.plan import Extent
 from formats.result import Curve
 from formats.results.keyframes import Change
-from formats.sensing.ends import MOST_POINTS, Points
+from formats.sensing.ends import MOST_POINTS, Beams, Points, ends_of
 from replay.pictures import Bools
 
 BATCH = 256  # frames a batch: small enough to look live, large enough to cost little
@@ -40,6 +40,26 @@ class Block(NamedTuple):
     poses: Floats
     counts: dict[str, npt.NDArray[np.int64]]
     points: list[Points | None]
+
+
+class Sighted(NamedTuple):
+    """A block on its way to the process that draws, where its points are worked out.
+
+    Attributes:
+        block: without points.
+        beams: by frame, of the scans that are drawn; None: not this one.
+    """
+
+    block: Block
+    beams: list[Beams | None]
+
+    def seen(self) -> Block:
+        """The block with its points."""
+        points = [
+            None if beams is None else ends_of(beams, Pose(*pose))
+            for beams, pose in zip(self.beams, self.block.poses.tolist(), strict=True)
+        ]
+        return self.block._replace(points=points)
 
 
 class Keyframe(NamedTuple):

@@ -18,7 +18,7 @@ from formats.errors import FormatError
 from replay.viewing.drawing import Drawing
 from replay.viewing.panels import blueprint
 from replay.viewing.process import start_viewer
-from replay.viewing.scene import Block, Keyframe, Scene, Walls
+from replay.viewing.scene import Keyframe, Scene, Sighted, Walls
 from replay.viewing.streams import Streams
 
 
@@ -50,8 +50,8 @@ def _draw(asked: dict[str, Any]) -> str:
                 layout = blueprint([scene], [""])
                 streams = Streams(scene.title, identity, layout, path, address)
                 drawing = Drawing(scene, streams.send, budget=asked["budget"])
-            case Block() as block if drawing is not None:
-                drawing.block(block)
+            case Sighted() as sighted if drawing is not None:
+                drawing.block(sighted.seen())
             case Keyframe() as keyframe if drawing is not None:
                 drawing.keyframe(keyframe)
             case Walls() as walls if drawing is not None:
