@@ -98,18 +98,16 @@ class World:
         }
 
 
-def place(plan: Plan, plan_pose: Pose | None) -> Pose:
-    """The pose of the plan's frame in the frame of the poses.
+def place(plan: Plan, plan_pose: Pose | None, *, truth: bool = False) -> Pose:
+    """The pose of the plan's frame, or of that of a truth without one, in the frame of the poses.
 
     Raises:
-        FormatError: nothing says where the plan lies.
+        FormatError: nothing says where it lies.
     """
     if not plan.placed and plan_pose is None:
-        raise FormatError(
-            plan.path,
-            "nothing says where the plan lies",
-            hint="give --plan-resolution and --plan-origin, or a map yaml of its stem beside it",
-        )
+        what, hint = "truth" if truth else "plan", "a map yaml of its stem beside it"
+        hint = f"put {hint}" if truth else f"give --plan-resolution and --plan-origin, or {hint}"
+        raise FormatError(plan.path, f"nothing says where the {what} lies", hint=hint)
     return (plan_pose or Pose(0.0, 0.0, 0.0)) @ plan.frame
 
 
@@ -235,7 +233,9 @@ def build_world(
         FormatError: nothing says where plan or truth lie; they do not overlap the run.
     """
     ground = plan or truth
-    map_to_plan = Pose(0.0, 0.0, 0.0) if ground is None else place(ground, plan_pose)
+    map_to_plan = (
+        Pose(0.0, 0.0, 0.0) if ground is None else place(ground, plan_pose, truth=plan is None)
+    )
     geometry = lattice(ground, bounds, map_to_plan, resolution, reach)
     layers, openings = blank(geometry), dict[str, Floats]()
     if plan is not None:

@@ -35,7 +35,8 @@ def next_step(found: Inspection) -> str:
     name = shlex.quote(printable(found.path))
     if found.problem is not None:
         return "next: see above what `replay run` would need"
-    return f"next: replay run {name} --prior plan.png"
+    how = "" if found.in_map else "  (finds where on the plan the robot was, by AMCL)"
+    return f"next: replay run {name} --prior plan.png{how}"
 
 
 def amount(size: int) -> str:

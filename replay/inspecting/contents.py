@@ -28,6 +28,7 @@ class Inspection:
         topics: every topic with what passed on it.
         problem: why `run` would end with an error; None where it would not.
         scan, pose: the topics that `run` would take; "" for none, "tf" for transforms.
+        in_map: whether the poses are in a map, not odometry.
         reasons: why these, in lines for people.
         checks: what was looked at.
         notes: what was odd, skipped or lost.
@@ -39,6 +40,7 @@ class Inspection:
     problem: FormatError | None
     scan: str = ""
     pose: str = ""
+    in_map: bool = True
     reasons: list[str] = field(default_factory=list)
     checks: list[Check] = field(default_factory=list)
     notes: Notes = field(default_factory=Notes)
@@ -122,6 +124,7 @@ def _inspected(log: Tallied, notes: Notes, options: Options) -> Inspection:
         None,
         scan=choice.scan.name,
         pose=choice.source.topic.name if choice.source.topic else "tf",
+        in_map=choice.in_map,
         reasons=choice.reasons,
         checks=[*checks, damage(log.container, notes)],
         notes=notes,

@@ -32,6 +32,7 @@ from replay.viewing.scene import (
     Walls,
     ellipses,
     explored,
+    label_corners,
     strides,
 )
 from replay.viewing.shades import Shades
@@ -127,14 +128,17 @@ class Drawing:
 
     def _places(self) -> None:
         """Outlines of the plan where it may lie, with their scores; the one taken on top."""
+        labelled = label_corners(self._scene.places)
         for number, place in reversed(list(enumerate(self._scene.places))):
             colour, name = (RUNNER_UP, f"runner-up {number}") if number else (TAKEN, "taken")
             wide = THIN if number else THICK
             around = np.concatenate([place.corners, place.corners[:1]])
             outline = rr.LineStrips2D([around], colors=[colour], radii=[wide])
-            corner = place.corners[number % 4]  # in turn, so that fewer labels meet
             label = rr.Points2D(
-                [corner], colors=[colour], radii=[wide], labels=[f"{name}: {place.score:.2f}"]
+                [labelled[number]],
+                colors=[colour],
+                radii=[wide],
+                labels=[f"{name}: {place.score:.2f}"],
             )
             self._log(f"plan/places/{number}/label", label, static=True)
             self._log(f"plan/places/{number}", outline, static=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -142,6 +143,15 @@ class Scene:
     def drawn(self) -> bool:
         """Whether there is a plan, so that a map with prior differs from one without."""
         return self.main != "none"
+
+
+def label_corners(places: Sequence[Outline]) -> Floats:
+    """(n, 2) m, a corner of each place for its label, far from the labels of those before."""
+    taken: list[Floats] = []
+    for place in places:
+        apart = [min((np.hypot(*(c - t)) for t in taken), default=0.0) for c in place.corners]
+        taken.append(place.corners[int(np.argmax(apart))])
+    return np.array(taken).reshape(-1, 2)
 
 
 def strides(frames: int, budget: float) -> tuple[int, int]:

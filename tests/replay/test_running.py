@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -141,6 +142,12 @@ def test_gates_thin_the_scans(tmp_path: Path) -> None:
     assert sample(tmp_path, every=10).facts["scans"] == 81
     sparse = sample(tmp_path, min_travel=0.1, force=True)
     assert 100 < sparse.facts["scans"] < 500
+
+
+def test_a_truth_that_lies_nowhere_is_not_called_a_plan(tmp_path: Path) -> None:
+    shutil.copy(SAMPLES / "truth.png", tmp_path / "bare.png")  # without its yaml
+    with pytest.raises(FormatError, match="nothing says where the truth lies; put a map yaml"):
+        run(SAMPLES / "turtlebot.mcap", truth=tmp_path / "bare.png", output=tmp_path / "o.mcap")
 
 
 def test_without_a_truth_the_plan_is_taken_and_said(tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ from replay.placing import corners_of
 from replay.viewing.looking import record
 from replay.viewing.particles import Trail
 from replay.viewing.process import start_unseen
-from replay.viewing.scene import Block, ellipses
+from replay.viewing.scene import Block, Outline, ellipses, label_corners
 
 ROOT = Path(__file__).resolve().parents[2]
 SAMPLES = ROOT / "sample_logs"
@@ -452,6 +452,17 @@ def test_places_of_the_plan_are_outlined(recorded: tuple[Path, Any], tmp_path: P
     (shown,) = lines(tmp_path / "run.rrd", "/plan/places/0")
     assert np.allclose(shown, [*taken, taken[0]], atol=1e-5)
     assert lines(tmp_path / "run.rrd", "/plan/places/1")
+
+
+def test_labels_of_places_that_nearly_coincide_lie_apart() -> None:
+    square = np.array([[0.0, 0.0], [0.0, 4.0], [6.0, 4.0], [6.0, 0.0]])
+    places = [Outline(0.9 - 0.1 * k, square + 0.01 * k) for k in range(4)]
+    found = label_corners(places)
+    # by hand: the farthest corner from the first, then those 4 m from the one or the other
+    expected = np.array([[0.0, 0.0], [6.01, 4.01], [0.02, 4.02], [6.03, 0.03]])
+    assert np.allclose(found, expected)
+    turned = [Outline(0.5, np.roll(square, -k, axis=0)) for k in range(4)]
+    assert len({tuple(corner) for corner in label_corners(turned)}) == 4
 
 
 def test_errors_are_coloured_by_kind() -> None:

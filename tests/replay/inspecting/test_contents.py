@@ -21,12 +21,14 @@ from tests.ros_logs import RosLog
 FAR = [1.0, 2.0, inf, nan]
 
 
-def steps(log: RosLog, first: int, last: int, *, moved: float = 0.0, **scan: Any) -> RosLog:
+def steps(
+    log: RosLog, first: int, last: int, *, moved: float = 0.0, parent: str = "map", **scan: Any
+) -> RosLog:
     """A robot that drives at 0.5 m/s with a scan each 0.1 s, no two scans alike."""
     for k in range(first, last):
-        log.tf(k / 10, "map", "base_link", (moved + 0.05 * k, 0.0, 0.0))
+        log.tf(k / 10, parent, "base_link", (moved + 0.05 * k, 0.0, 0.0))
         log.scan(k / 10, [1.0 + 0.001 * k, 2.0, inf, nan], **scan)
-    log.tf(last / 10, "map", "base_link", (moved + 0.05 * last, 0.0, 0.0))
+    log.tf(last / 10, parent, "base_link", (moved + 0.05 * last, 0.0, 0.0))
     return log
 
 
@@ -244,6 +246,16 @@ def test_the_report_shows_container_topics_choice_and_checks(tmp_path: Path) -> 
     assert "  use     scans from /scan (LaserScan: the only LaserScan)" in lines
     assert any(line.startswith("  checks  order ok   stamps ok") for line in lines)
     assert f"next: replay run {path} --prior plan.png" in done.stderr
+
+
+def test_what_run_does_with_odometry_is_said(tmp_path: Path) -> None:
+    log = RosLog()
+    log.static("base_link", "laser", (0.2, 0.0, 0.0))
+    path = steps(log, 0, 40, parent="odom").write(tmp_path / "odom.mcap")
+    (line,) = [line for line in info(path).stderr.splitlines() if line.startswith("next: ")]
+    assert line.endswith("--prior plan.png  (finds where on the plan the robot was, by AMCL)")
+    known = info(good().write(tmp_path / "good.mcap")).stderr
+    assert "AMCL" not in known
 
 
 def test_json_has_a_schema_and_only_json_numbers(tmp_path: Path) -> None:
