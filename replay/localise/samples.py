@@ -19,20 +19,22 @@ class Samples:
     def __init__(self) -> None:
         self._every, self._offered = 1, 0
         self._kept: list[Particles] = []
-        self._last: Particles | None = None
 
     def offer(self, time_ns: int, particles: Floats, weights: Floats) -> None:
         """The particles (n, 3) after an update, with weights (n,) that sum to 1."""
-        drawn = systematic(weights, min(len(particles), SIZE), 0.5)
-        self._last = Particles(time_ns, particles[drawn])
         if self._offered % self._every == 0:
-            self._kept.append(self._last)
+            self._kept.append(sample(time_ns, particles, weights))
             if len(self._kept) > MOST:
                 self._kept, self._every = self._kept[::2], 2 * self._every
         self._offered += 1
 
-    def finished(self) -> tuple[Particles, ...]:
-        """In the order of the updates."""
-        if self._last is None or self._kept[-1] is self._last:
+    def finished(self, time_ns: int, particles: Floats, weights: Floats) -> tuple[Particles, ...]:
+        """In the order of the updates, with the particles after the last one."""
+        if self._kept and self._kept[-1].time_ns == time_ns:
             return tuple(self._kept)
-        return *self._kept, self._last
+        return *self._kept, sample(time_ns, particles, weights)
+
+
+def sample(time_ns: int, particles: Floats, weights: Floats) -> Particles:
+    """SIZE particles at most, drawn by their weights."""
+    return Particles(time_ns, particles[systematic(weights, min(len(particles), SIZE), 0.5)])

@@ -139,7 +139,8 @@ def fastslam(
         off = poses - poses[best]
         off[:, 2] = np.arctan2(np.sin(off[:, 2]), np.cos(off[:, 2]))
         track.add(one.time_ns, poses[best], (shares[:, None] * off).T @ off, count)
-        track.samples.offer(one.time_ns, poses, shares)
+        track.last = one.time_ns, poses, shares
+        track.samples.offer(*track.last)
         paths.append(poses.copy())
         drawn = np.arange(count)
         if 1.0 / np.sum(shares**2) < 0.5 * count:
@@ -210,6 +211,7 @@ class _Recorded:
         self.covariances: list[Floats] = []
         self.particles: list[int] = []
         self.samples = Samples()
+        self.last: tuple[int, Floats, Floats] | None = None
 
     def add(self, time_ns: int, pose: Floats, covariance: Any, particles: int) -> None:
         self.times.append(time_ns)
@@ -223,7 +225,7 @@ class _Recorded:
             np.array(self.poses).reshape(-1, 3),
             np.array(self.covariances).reshape(-1, 3, 3),
             np.array(self.particles, dtype=np.int64),
-            samples=self.samples.finished(),
+            samples=self.samples.finished(*self.last) if self.last else (),
         )
 
 

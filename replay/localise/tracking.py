@@ -171,7 +171,7 @@ def _misfit(track: Track, used: list[Used], field: Field, options: Options) -> f
 
 def _followed(
     sightings: Iterable[Used], field: Field, start: Estimate | None, seed: int, options: Options
-) -> tuple[list[int], list[Estimate], list[int], Samples]:
+) -> tuple[list[int], list[Estimate], list[int], tuple[Particles, ...]]:
     """Times, estimates, numbers and samples of particles of all updates, in their order."""
     model, settings = sensor_model(field, options), parameters(options)
     coarse = sensor_model(field, {**options, "sigma_hit": 2.0 * options["sigma_hit"]})
@@ -194,18 +194,20 @@ def _followed(
             for k in range(len(found) - 2, -1, -1):
                 pose = back.update(used[k].odometry, used[k].reading).pose
                 found[k] = found[k]._replace(pose=pose)
-    return [one.time_ns for one in used], found, particles, samples
+    times = [one.time_ns for one in used]
+    shown = samples.finished(times[-1], ahead.particles, ahead.weights) if times else ()
+    return times, found, particles, shown
 
 
 def _track(
-    times: list[int], found: list[Estimate], particles: list[int], samples: Samples
+    times: list[int], found: list[Estimate], particles: list[int], samples: tuple[Particles, ...]
 ) -> Track:
     return Track(
         np.array(times, dtype=np.int64),
         np.array([one.pose for one in found]).reshape(-1, 3),
         np.array([one.covariance for one in found]).reshape(-1, 3, 3),
         np.array(particles, dtype=np.int64),
-        samples=samples.finished(),
+        samples=samples,
     )
 
 
