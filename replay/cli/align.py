@@ -107,6 +107,11 @@ class ScaleType(click.ParamType[Any]):
     "--plan-pose", type=PoseType(), help="Of the plan's own frame in the map's; settles it."
 )
 @click.option("--plan-resolution", metavar="M", type=POSITIVE, help="Metres a pixel of the plan.")
+@click.option(
+    "--residual",
+    is_flag=True,
+    help="Fit what scale, turn and shift leave, too: a smooth field, as arrows and in --json.",
+)
 @click.option("--scan", metavar="TOPIC", help="Of a log; chosen when only one topic fits.")
 @click.option("--pose", metavar="TOPIC", help='Where poses come from: a topic, or "tf".')
 @map_frame_flag
@@ -151,6 +156,8 @@ def command(
         answer(found.facts)
     else:
         click.echo(report(found.alignment))
+        if found.residual is not None:
+            click.echo(left_over(found.residual))
         for path in found.written:
             click.echo(f"wrote   {path}")
     if found.alignment.confident:
@@ -180,3 +187,14 @@ def report(alignment: Any) -> str:
         )
     lines[0] += f"   confidence {alignment.confidence:.2f}"
     return "\n".join(lines)
+
+
+def left_over(residual: Any) -> str:
+    """The line on the residual field: metres where they are known, else pixels of the plan."""
+    k, unit = (residual.metres, "m") if residual.metres is not None else (1.0, "px of the plan")
+    facts = residual.facts()
+    size = f"{k * facts['median']:.3g} {unit} (median), {k * facts['largest']:.3g} at most"
+    return (
+        f"left    the plan lies off the map by {size}; rms of walls "
+        f"{k * residual.before:.3g}, with the field {k * residual.after:.3g}"
+    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import ceil, floor
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +15,7 @@ from formats.grid import Geometry
 from formats.plans.file import Plan
 from replay.cells import cell_layers
 
+Mask = npt.NDArray[np.bool_]
 CELL = 0.05  # m: cells are at most this, and whole pixels or whole parts of a pixel
 MOST_CELLS = 100_000_000
 
@@ -66,27 +68,47 @@ def build_field(plan: Plan, notes: Notes | None = None) -> Field:
         UsageError: the plan's resolution is not known.
         FormatError: there is no free space, or too much of it.
     """
-    import cv2
-
     parts = max(1, ceil(plan.scale / CELL - 1e-6))  # of a pixel, along a side
     pixel = plan.scale / parts
     step = max(1, floor(CELL / pixel + 1e-6))
     rows, cols = (-(-size * parts // step) for size in plan.occupancy.shape)
     if rows * cols > MOST_CELLS:
         raise FormatError(plan.path, f"{rows * cols:,} cells are too many to localise on")
-    wall = np.kron(plan.wall[::-1], np.ones((parts, parts), dtype=bool))  # row 0 lowest
-    # Distances are between centres of pixels: a face lies half a pixel before.
-    distance = cv2.distanceTransform((~wall).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    np.subtract(distance, 0.5, out=distance)
-    within = cv2.distanceTransform(wall.view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    np.subtract(0.5, within, out=distance, where=wall)
-    del within  # as large as the plan
-    ragged = ((0, rows * step - wall.shape[0]), (0, cols * step - wall.shape[1]))
-    blocks = np.pad(distance, ragged, mode="edge").reshape(rows, step, cols, step)
-    mean = blocks.mean(axis=(1, 3)) * pixel
+    wall = plan.wall[::-1].repeat(parts, axis=0).repeat(parts, axis=1)  # row 0 lowest
+    # Distances are between centres of pixels: a face lies half a pixel before. One side of the
+    # faces at a time, since a sheet's distances take four times its own size.
+    mean = _means(~wall, step) - _means(wall, step) + _faces(wall, step)
+    mean *= pixel
     geometry = Geometry(rows, cols, step * pixel, *plan.corner)
     layers = cell_layers(plan, geometry, notes=notes)
     free = np.flatnonzero(layers.footprint & (layers.wall == 0))
     if not free.size:
         raise FormatError(plan.path, "no free space in which a robot could be")
-    return Field(geometry, mean.astype(np.float32), free)
+    return Field(geometry, mean, free)
+
+
+def _means(mask: Mask, step: int) -> npt.NDArray[np.float32]:
+    """Mean over squares of `step` of the distance, px, from pixels of a mask to the others."""
+    import cv2
+
+    far = cv2.distanceTransform(mask.view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return block_means(np.asarray(far, np.float32), step)
+
+
+def _faces(wall: Mask, step: int) -> npt.NDArray[np.float32]:
+    """What the half pixels add: -0.5 of squares that are free, 0.5 of those that are wall."""
+    return block_means(wall, step) - np.float32(0.5)
+
+
+def block_means(values: npt.NDArray[Any], step: int) -> npt.NDArray[np.float32]:
+    """Means of squares of `step` values; what sticks out goes on as its last row and column do.
+
+    Without a copy of the whole, which may be a sheet of hundreds of megapixels.
+    """
+    out = np.empty(tuple(-(-size // step) for size in values.shape), dtype=np.float32)
+    for row in range(out.shape[0]):
+        band = values[row * step : (row + 1) * step]
+        ragged = ((0, step - band.shape[0]), (0, out.shape[1] * step - band.shape[1]))
+        blocks = np.pad(band, ragged, mode="edge").reshape(step, -1, step)
+        out[row] = blocks.mean(axis=(0, 2), dtype=np.float64)
+    return out

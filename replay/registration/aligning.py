@@ -17,9 +17,11 @@ from formats.output import check_output, write_image
 from formats.plans.file import Plan, open_plan
 from formats.plans.placement import Placement, write_placement
 from replay.drawn import taken_apart
-from replay.registration.overlay import candidates, overlay
+from replay.registration.overlay import arrows, candidates, overlay
 from replay.registration.placing import Pin, metres_of, pinned, placed, posed, seen_in
-from replay.registration.register import Alignment, align, align_place
+from replay.registration.register import Alignment, align, align_place, whole_of
+from replay.registration.residual import Residual
+from replay.registration.residual import residual as fit_residual
 from replay.registration.seen import Doubles, Seen
 
 Source = str | PathLike[str]
@@ -35,6 +37,7 @@ class Aligned:
     plan: Plan
     seen: Seen
     placement: Placement
+    residual: Residual | None
     written: list[Path]
 
     @property
@@ -45,7 +48,8 @@ class Aligned:
     @property
     def facts(self) -> dict[str, Any]:
         """What `--json` prints."""
-        return self.alignment.facts()
+        found = self.alignment.facts()
+        return found if self.residual is None else {**found, "residual": self.residual.facts()}
 
 
 def align_files(
@@ -60,6 +64,7 @@ def align_files(
     pins: Sequence[Pin] = (),
     plan_pose: Pose | None = None,
     plan_resolution: float | None = None,
+    residual: bool = False,
     opened: Plan | None = None,
     notes: Notes | None = None,
     **reading: Any,
@@ -78,6 +83,7 @@ def align_files(
         pins: plan x, y (pixels) and map x, y (pixels or metres); two or more settle the place.
         plan_pose: of the plan's frame in the log's; settles the place.
         plan_resolution: m a pixel of the plan.
+        residual: fit what the similarity leaves, too, where the place is clear.
         opened: the plan, where it is open already; None: `prior` is opened.
         notes: gets what was odd.
         reading: options of `formats.stream.survey`, for logs.
@@ -113,18 +119,22 @@ def align_files(
     if output is not None and found.confident:
         write_placement(output, placement, force=force, inputs=inputs)
         written.append(Path(output))
+    to_pixels = found.best.matrix @ np.linalg.inv(whole_of(seen))
+    left = None
+    if residual and found.confident:
+        metres_a_pixel = _pixel(plan, seen, to_pixels)
+        left = fit_residual(seen, plan.wall, to_pixels, metres=metres_a_pixel)
     if picture is not None:
-        back = np.linalg.inv(np.vstack([seen.to_cells, [0.0, 0.0, 1.0]]))
-        matrices = [place.matrix @ back for place in found.places]
-        grey = plan.grey
-        image = (
-            overlay(grey, seen, matrices[0])
-            if found.confident
-            else candidates(grey, seen, matrices)
-        )
+        if left is not None:
+            image = arrows(plan.grey, seen, to_pixels, left.nodes, left.moves)
+        elif found.confident:
+            image = overlay(plan.grey, seen, to_pixels)
+        else:
+            back = np.linalg.inv(whole_of(seen))
+            image = candidates(plan.grey, seen, [place.matrix @ back for place in found.places])
         write_image(picture, image, force=force, inputs=inputs)
         written.append(Path(picture))
-    return Aligned(found, plan, seen, placement, written)
+    return Aligned(found, plan, seen, placement, left, written)
 
 
 def align_drawing(
@@ -159,6 +169,13 @@ def align_drawing(
     except FormatError:  # of next to no walls
         return found
     return again if again.confident else found
+
+
+def _pixel(plan: Plan, seen: Seen, matrix: Doubles) -> float | None:
+    """Metres a pixel of the plan: by the robot's own measure, else by the plan's."""
+    if seen.resolution is not None:
+        return seen.resolution / float(np.hypot(matrix[0, 0], matrix[1, 0]))
+    return plan.resolution
 
 
 def _posed(plan: Plan, pose: Pose, picture: Plan | None) -> Doubles:

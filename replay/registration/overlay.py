@@ -11,7 +11,8 @@ from replay.registration.seen import Doubles, Mask, Seen, points_of
 
 Pixels = npt.NDArray[np.uint8]
 SIDE = 1400  # px of the longer side
-FREE, OCCUPIED = (200, 235, 200), (0, 0, 213)  # BGR
+FREE, OCCUPIED, ARROW = (200, 235, 200), (0, 0, 213), (178, 80, 0)  # BGR
+LONGEST = 40.0  # px of the longest arrow, about
 
 
 def overlay(grey: Pixels, seen: Seen, matrix: Doubles, side: int = SIDE) -> Pixels:
@@ -35,6 +36,40 @@ def overlay(grey: Pixels, seen: Seen, matrix: Doubles, side: int = SIDE) -> Pixe
     out[free] = np.minimum(out[free], FREE)
     out[_drawn(seen.occupied, turned, small.shape)] = OCCUPIED
     return out.astype(np.uint8)
+
+
+def arrows(grey: Pixels, seen: Seen, matrix: Doubles, nodes: Doubles, moves: Doubles) -> Pixels:
+    """The overlay, with an arrow from each node of the map to where the plan is.
+
+    Arrows are longer than what they stand for, by a round factor that is written below.
+
+    Args:
+        grey, seen, matrix: as of `overlay`.
+        nodes: (n, 2) x, y in plan pixels.
+        moves: (n, 2) plan pixels.
+    """
+    import cv2
+
+    k = min(1.0, SIDE / max(grey.shape))
+    out = overlay(grey, seen, matrix)
+    longest = k * float(np.hypot(*moves.T).max(initial=0.0))
+    factor = _round(LONGEST / max(longest, LONGEST / 100.0))
+    starts = (nodes + 0.5) * k - 0.5
+    for start, end in zip(starts, starts + k * factor * moves, strict=True):
+        a, b = ((round(float(p[0])), round(float(p[1]))) for p in (start, end))
+        cv2.circle(out, a, 2, ARROW, -1, cv2.LINE_AA)
+        if a != b:
+            cv2.arrowedLine(out, a, b, ARROW, 2, cv2.LINE_AA, tipLength=0.25)
+    foot = np.full((28, out.shape[1], 3), 255, np.uint8)
+    text = f"arrows: from the map to the plan, {factor:g} times as long"
+    cv2.putText(foot, text, (6, 19), cv2.FONT_HERSHEY_SIMPLEX, 0.5, ARROW, 1, cv2.LINE_AA)
+    return np.vstack([out, foot])
+
+
+def _round(factor: float) -> float:
+    """The largest of 1, 2, 5, 10, 20, ... that is not above a factor; 1 at least."""
+    tens = 10.0 ** np.floor(np.log10(max(factor, 1.0)))
+    return float(tens * max(n for n in (1.0, 2.0, 5.0) if n * tens <= max(factor, 1.0)))
 
 
 def candidates(grey: Pixels, seen: Seen, matrices: Sequence[Doubles]) -> Pixels:

@@ -22,7 +22,7 @@ MARGIN = 64  # px around the plan's ink, where cells may still lie near a wall
 
 
 @njit
-def _target(
+def target(
     point: Doubles,
     facing: Doubles,
     matrix: Doubles,
@@ -62,7 +62,7 @@ def _step(
     left, right = np.zeros((4, 4)), np.zeros(4)
     j = np.zeros(4)
     for i in range(points.shape[0]):
-        k, dx, dy = _target(points[i], facing[i], matrix, near, at, across)
+        k, dx, dy = target(points[i], facing[i], matrix, near, at, across)
         square = dx * dx + dy * dy
         if k < 0 or square > 16.0 * sigma * sigma:
             continue
@@ -91,7 +91,7 @@ def _near(
     """Mean closeness of points to the edges they belong to, 0 to 1."""
     total = 0.0
     for i in range(points.shape[0]):
-        k, dx, dy = _target(points[i], facing[i], matrix, near, at, across)
+        k, dx, dy = target(points[i], facing[i], matrix, near, at, across)
         if k >= 0:
             total += np.exp(-0.5 * (dx * dx + dy * dy) / (sigma * sigma))
     return total / points.shape[0]
@@ -183,13 +183,18 @@ class Bench:
         self.even = _one_each(points, max(2.0, self.tolerance))
         self.even_facing = towards_free(seen.free, self.even)
 
-    def _in(self, matrix: Doubles) -> Doubles:
+    def inside(self, matrix: Doubles) -> Doubles:
         """A matrix to plan pixels as one to this bench's pixels."""
         out = matrix / self.unit
         out[:, 2] = (matrix[:, 2] - self.low + 0.5) / self.unit - 0.5 + MARGIN
         return out
 
-    def _out(self, matrix: Doubles) -> Doubles:
+    def outside(self, points: Doubles) -> Doubles:
+        """Points (n, 2) of this bench as pixels of the plan."""
+        out: Doubles = (points - MARGIN + 0.5) * self.unit - 0.5 + self.low
+        return out
+
+    def _back(self, matrix: Doubles) -> Doubles:
         out = matrix * self.unit
         out[:, 2] = (matrix[:, 2] - MARGIN + 0.5) * self.unit - 0.5 + self.low
         return out
@@ -208,7 +213,7 @@ class Bench:
             within: least and most plan pixels a map cell.
         """
         flip = -1.0 if np.linalg.det(matrix[:, :2]) < 0 else 1.0
-        now = self._in(matrix)
+        now = self.inside(matrix)
         scale = float(np.hypot(now[0, 0], now[1, 0]))
         middle = self.points.mean(axis=0)
         centred = self.points - middle
@@ -229,7 +234,7 @@ class Bench:
             a, b = kept * a, kept * b
             now = np.array([[a, -b * flip, now[0, 2] + x], [b, a * flip, now[1, 2] + y]])
         now[:, 2] -= now[:, :2] @ middle
-        return self._out(now)
+        return self._back(now)
 
     def size(self, fit: Fit) -> float:
         """Plan pixels that the map's diagonal takes."""
@@ -240,14 +245,14 @@ class Bench:
 
         `Fit.explained` counts cells, most of which lie where the robot stood long.
         """
-        inside, p = self._in(matrix), self.plan
+        inside, p = self.inside(matrix), self.plan
         scale = float(np.hypot(inside[0, 0], inside[1, 0]))
         sigma = max(0.7, self.tolerance * scale)
         return _near(self.even, self.even_facing, inside, p.near, p.at, p.across, sigma)
 
     def weigh(self, matrix: Doubles, times: float = 1.0) -> Fit:
         """How well a place explains both pictures."""
-        inside = self._in(matrix)
+        inside = self.inside(matrix)
         scale = float(np.hypot(inside[0, 0], inside[1, 0]))
         sigma = times * self.tolerance
         p = self.plan

@@ -27,12 +27,12 @@ SMALLEST = 32.0  # px of the plan that a map's diagonal takes: of smaller ones a
 RUNNERS = 5
 MIRROR = 0.04  # what being mirrored costs of the score: plans seldom are
 # How sure, as a logistic of the lead over the next place, as a share of what the best one leaves
-# unexplained; fitted to 520 random buildings and maps, and held against 144 others since
-# (scripts/score_align.py; the table is in docs/align.md).
-OFFSET, GAIN = -1.75, 11.8
+# unexplained, and of the lead in what lies on walls by length; fitted to 504 random buildings and
+# maps, and held against others (scripts/score_align.py; the table is in docs/align.md).
+OFFSET, GAIN, ALONG = -1.76, 14.6, 20.6
 ROOM, FULL = 0.978, 0.9  # a lead over a score above FULL says no more than over FULL
 NONE_LEFT = 0.3  # the lead where there is no other place
-SURE = 0.8
+SURE = 0.95
 DOUBTED = 0.5  # the most that is said of a place that another one contradicts
 MORE = 0.08  # of what was seen, by length, that another place explains beyond the best
 
@@ -149,11 +149,10 @@ def align(
     best = [_sharpened(bench, fit, known, within) for fit in distinct(fits, seen)[: 1 + RUNNERS]]
     best.sort(key=_rank, reverse=True)
     places = [_place(fit.matrix @ whole_of(seen), fit) for fit in best]
-    sure = confidence([_rank(f) for f in best])
-    if sure >= SURE and contradicted(
-        [f.score for f in best], [bench.spread(f.matrix) for f in best]
-    ):
-        sure = DOUBTED
+    spread = [bench.spread(f.matrix) for f in best]
+    sure = confidence([_rank(f) for f in best], spread)
+    if contradicted([f.score for f in best], spread):
+        sure = min(sure, DOUBTED)
     return Alignment(places, sure, perf_counter() - started)
 
 
@@ -258,11 +257,18 @@ def distinct(fits: list[Fit], seen: Seen) -> list[Fit]:
     return [fit for fit, _ in chosen]
 
 
-def confidence(ranks: list[float]) -> float:
-    """Probability that the first place is right, from the scores of all of them, best first."""
-    lead = ranks[0] - ranks[1] if len(ranks) > 1 else NONE_LEFT
+def confidence(ranks: list[float], spread: list[float]) -> float:
+    """Probability that the first place is right.
+
+    Args:
+        ranks: scores of all places, less what being mirrored costs, the likeliest first.
+        spread: of each, the share of what was seen that lies on walls, by length.
+    """
+    lead, along = NONE_LEFT, 0.0
+    if len(ranks) > 1:
+        lead, along = ranks[0] - ranks[1], spread[0] - max(spread[1:])
     share = lead / (ROOM - min(ranks[0], FULL))
-    return float(1.0 / (1.0 + np.exp(-(OFFSET + GAIN * share))))
+    return float(1.0 / (1.0 + np.exp(-(OFFSET + GAIN * share + ALONG * along))))
 
 
 def contradicted(scores: list[float], spread: list[float]) -> bool:

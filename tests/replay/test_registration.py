@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from math import cos, radians, sin
+from math import cos, exp, radians, sin
 from pathlib import Path
 
 import cv2
@@ -248,10 +248,12 @@ def test_a_pin_has_a_form(tmp_path: Path, pin: str) -> None:
 
 
 def test_confidence_by_hand() -> None:
-    # lead 0.2 of the 0.378 that are left: -1.75 + 11.8 * 0.529101 = 4.493386
-    assert confidence([0.6, 0.4, 0.1]) == pytest.approx(0.98894, abs=1e-5)
-    assert confidence([0.6, 0.6]) == pytest.approx(0.14805, abs=1e-5)
-    assert confidence([0.95, 0.93]) == pytest.approx(confidence([0.9, 0.88]))
+    # lead 0.2 of the 0.378 that are left, 0.05 by length: -1.76 + 14.6 * 0.529101 + 20.6 * 0.05
+    # = 6.994868
+    assert confidence([0.6, 0.4, 0.1], [0.7, 0.6, 0.65]) == pytest.approx(0.9990843, abs=1e-6)
+    assert confidence([0.6, 0.6], [0.7, 0.7]) == pytest.approx(0.1467903, abs=1e-6)
+    assert confidence([0.95, 0.93], [1, 1]) == pytest.approx(confidence([0.9, 0.88], [1, 1]))
+    assert confidence([0.6], [0.9]) == pytest.approx(1 / (1 + exp(1.76 - 14.6 * 0.3 / 0.378)))
 
 
 def test_what_contradicts_the_first_place() -> None:
@@ -266,6 +268,7 @@ def test_what_contradicts_the_first_place() -> None:
     [
         195,  # the true room is hatched; half of the map falls off the sheet at the other place
         409,  # a drawing turned over, with a place that fits nearly as well the right way round
+        463,  # one room and a strip, on a small sheet full of ink
     ],
 )
 def test_a_wrong_place_that_leads_is_not_claimed(seed: int) -> None:
@@ -277,8 +280,10 @@ def test_a_wrong_place_that_leads_is_not_claimed(seed: int) -> None:
     found = align(seen, as_plan("plan.png", one.plan).wall, scale=one.scale)
     assert one.matrix is not None
     assert _off(seen, found.best.matrix, one.matrix) >= NEAR
-    assert confidence([place.score for place in found.places if not place.mirrored]) >= SURE
+    scores = [place.score for place in found.places if not place.mirrored]
+    assert confidence(scores, [0.0] * len(scores)) > 0.85  # by the lead in score alone
     assert not found.confident
+    assert found.confidence < SURE
 
 
 @pytest.mark.parametrize("told", [1.1, None])
