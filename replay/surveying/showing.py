@@ -86,14 +86,17 @@ def _label(image: Pixels, text: str, a: list[int], b: list[int], colour: tuple[i
 
 
 def _legend(wide: int, d: Deviations) -> Pixels:
-    """What each colour is, with its metres."""
-    out = np.full((36, wide, 3), 255, np.uint8)
-    x = 12
+    """What each colour is, with its metres; wide pictures are shrunk, so that letters grow."""
+    k = max(1.0, wide / 1000)
+    out = np.full((round(36 * k), wide, 3), 255, np.uint8)
+    x, y, thick, font = 12 * k, round(18 * k), round(k), cv2.FONT_HERSHEY_SIMPLEX
     for name, (_, metres) in d.summary().items():
-        cv2.line(out, [x, 18], [x + 30, 18], WALL_COLOURS[name][::-1], 4, cv2.LINE_AA)
+        ends = [round(x), y], [round(x + 30 * k), y]
+        cv2.line(out, *ends, WALL_COLOURS[name][::-1], 4 * thick, cv2.LINE_AA)
         text = f"{name} {metres:.1f} m"
-        cv2.putText(out, text, [x + 38, 23], cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 0, 0), 1)
-        x += 60 + 9 * len(text)
+        at = [round(x + 38 * k), round(y + 5 * k)]
+        cv2.putText(out, text, at, font, 0.5 * k, (0, 0, 0), thick, cv2.LINE_AA)
+        x += (60 + 9 * len(text)) * k
     return out
 
 
