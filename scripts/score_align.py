@@ -57,14 +57,20 @@ def halmstad_maps() -> Iterator[tuple[str, str]]:
             yield building, f"{building}_{i:02d}"
 
 
-def halmstad_off(data: Path, building: str, name: str, matrix: Doubles) -> float:
-    """Median distance in px of the keypoints that people associated, after alignment."""
+def halmstad_pairs(data: Path, building: str, name: str) -> tuple[Doubles, Doubles]:
+    """(n, 2) keypoints of a map, and those of its layout that people associated, y down."""
     notes = data / "halmstad" / "annotations"
     pairs = np.load(notes / f"association_{name}_{building}_layout.npy")
     seen = np.load(notes / f"keypoints_{name}.npy")[pairs[:, 0]]
     drawn = np.load(notes / f"keypoints_{building}_layout.npy")[pairs[:, 1]]
     for points in (seen, drawn):
         points[:, 1] = SIDE - 1 - points[:, 1]  # their y counts upwards
+    return seen, drawn
+
+
+def halmstad_off(data: Path, building: str, name: str, matrix: Doubles) -> float:
+    """Median distance in px of the keypoints that people associated, after alignment."""
+    seen, drawn = halmstad_pairs(data, building, name)
     return float(np.median(np.hypot(*(seen @ matrix[:, :2].T + matrix[:, 2] - drawn).T)))
 
 

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 import pytest
-from scipy.interpolate import BSpline
+from scipy.interpolate import BSpline, LinearNDInterpolator, NearestNDInterpolator
 
 from replay.registration.residual import Residual, _basis, _bending, residual
 from replay.registration.seen import Seen
@@ -143,3 +143,31 @@ def test_a_refused_place_has_no_residual(tmp_path: Path) -> None:
     code, stdout, _ = run(map_file, "--prior", plan_file, "--json", "--residual", "--scale", "1")
     assert code == 1
     assert "residual" not in json.loads(stdout)
+
+
+@pytest.mark.slow
+def test_keypoints_that_people_associated_come_closer(shared_data: Path) -> None:
+    """Halmstad-Robot-Maps; the field does not know them. Similarity alone: 8.5 px on the mean."""
+    from formats.errors import Notes
+    from formats.plans.file import open_plan
+    from replay.registration.register import align
+    from replay.registration.seen import seen_in_map
+    from scripts.score_align import halmstad_maps, halmstad_pairs
+
+    data = shared_data / "plans_with_logs"
+    before, after = [], []
+    for building, name in halmstad_maps():
+        maps = data / "halmstad" / "maps" / building
+        plan = open_plan(maps / "layout" / f"{building}_layout.png", Notes())
+        seen = seen_in_map(open_plan(maps / "pseudo_occupancy" / f"{name}.png", Notes()))
+        matrix = align(seen, plan.wall).best.matrix
+        found = residual(seen, plan.wall, matrix)
+        points, drawn = halmstad_pairs(data, building, name)
+        at = points @ matrix[:, :2].T + matrix[:, 2]
+        moved = LinearNDInterpolator(found.nodes, found.moves)(at)
+        nearest = NearestNDInterpolator(found.nodes, found.moves)(at)
+        moved = np.where(np.isnan(moved), nearest, moved)
+        before.append(float(np.median(np.hypot(*(at - drawn).T))))
+        after.append(float(np.median(np.hypot(*(at + moved - drawn).T))))
+    assert np.mean(after) < 0.75 * np.mean(before)
+    assert np.sum(np.array(after) < np.array(before)) >= 16

@@ -9,7 +9,7 @@ import pytest
 from formats.errors import FormatError, Notes, UsageError
 from formats.frame import Pose, Scan
 from formats.plans.file import open_plan
-from replay.localise.field import Field, build_field
+from replay.localise.field import Field, block_means, build_field
 from replay.localise.likelihood import (
     UNIT,
     BeamModel,
@@ -178,3 +178,9 @@ def test_beam_model_equals_the_formula(room: Field) -> None:
             p += 0.1 * 0.3 * exp(-0.3 * r) if r < wanted else 0.0
             total += log(0.5 + 0.1 * 0.3 + 0.4 / 5.0) - log(p)
         assert cost / UNIT == pytest.approx(total, abs=2 / UNIT)
+
+
+def test_means_of_blocks_by_hand() -> None:
+    values = np.array([[1.0, 3.0, 5.0], [5.0, 7.0, 9.0], [2.0, 4.0, 8.0]])
+    # what sticks out goes on as its last row and column
+    assert block_means(values, 2) == pytest.approx(np.array([[4.0, 7.0], [3.0, 8.0]]))
