@@ -16,6 +16,7 @@ from formats.mcap.log import open_file
 
 FORMAT = 1  # of the file; raised when an older reader would misread it
 RECORD = "replay"  # the metadata record that makes an MCAP a result
+MAX_CHUNK = 1 << 32  # bytes: what re-scoring needs of 100 million cells is one message
 AGAIN = "run `replay run` on its log again"
 DATA_END, FOOTER = 13, 37  # bytes that end an MCAP: of the record; of the footer and the magic
 
@@ -70,7 +71,7 @@ def _contents(
 ) -> tuple[dict[str, dict[str, str]], dict[str, bytes], Messages]:
     """Metadata, attachments, and messages by topic, of a file that is whole to the last bit."""
     said = Notes()
-    log = open_file(path, said)
+    log = open_file(path, said, MAX_CHUNK)
     try:
         metadata = dict(log.metadata())
         attachments = {name: bytes(data) for name, _, data in log.attachments()}

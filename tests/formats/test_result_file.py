@@ -599,3 +599,23 @@ def test_definitions_are_the_official_ones(tmp_path: Path) -> None:
                 compared.add(name)
     assert {"nav_msgs/msg/OccupancyGrid", "tf2_msgs/msg/TFMessage", "std_msgs/msg/Header",
             "sensor_msgs/msg/PointCloud2", "geometry_msgs/msg/PoseStamped"} <= compared  # fmt: skip
+
+
+@pytest.mark.slow
+def test_a_large_building_comes_back(tmp_path: Path) -> None:
+    """What re-scoring needs of 130 by 130 m at 5 cm is one message of 280 MB."""
+    geometry = Geometry(2600, 2600, 0.05, 0.0, 0.0)
+    share = np.zeros(geometry.shape)
+    share[5, 7] = 0.25
+    evidence = Evidence.empty(geometry, 2)
+    evidence.counts[1, 3, 4] = 2
+    plan = Grid(geometry, np.where(share > 0.0, -1.0, 1.0))
+    large = dict.fromkeys(("wall", "door", "window", "clutter"), share)
+    out = tmp_path / "a.mcap"
+    drawn = {"bayes": Curve(plan, (0.3, 0.6))}
+    with ResultWriter(out, geometry=geometry, curves=drawn, layers=large) as writer:
+        writer.write(Step(0, Frame(START, Pose(0.0, 0.0, 0.0), SCAN), {}, {}, True, evidence))
+        writer.finish()
+    back = read_result(out)
+    assert np.array_equal(back.layers["clutter"], share)
+    assert np.array_equal(back.evidence().counts, evidence.counts)
