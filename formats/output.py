@@ -54,7 +54,7 @@ def check_output(path: AnyPath, *, force: bool = False, inputs: Iterable[AnyPath
         for source in map(Path, inputs):
             if real == Path(os.path.realpath(source)) or _same_file(target, source):
                 raise FormatError(path, "the output is also an input", hint=RENAME)
-            if source.is_dir() and real.is_relative_to(os.path.realpath(source)):
+            if is_folder(source) and real.is_relative_to(os.path.realpath(source)):
                 raise FormatError(path, f"the output lies inside the input {source}", hint=RENAME)
         if target.is_dir():
             raise FormatError(path, "is a folder", hint="give the name of a file")
@@ -64,6 +64,21 @@ def check_output(path: AnyPath, *, force: bool = False, inputs: Iterable[AnyPath
             _must_be_new(target)
     except OSError as error:
         raise cannot_write(path, error) from error
+
+
+def is_folder(path: AnyPath) -> bool:
+    """Whether it is a folder; a name that is too long for one is none."""
+    with contextlib.suppress(OSError):
+        return Path(path).is_dir()
+    return False
+
+
+def is_there(path: AnyPath) -> bool:
+    """Whether anything is there, be it a link to nothing; a name that is too long has nothing."""
+    with contextlib.suppress(OSError):
+        Path(path).lstat()
+        return True
+    return False
 
 
 def check_room(path: AnyPath, least: int) -> None:
@@ -90,7 +105,9 @@ def _check_folder(target: Path) -> None:
 
 def _same_file(a: Path, b: Path) -> bool:
     """Hard links and other names of one file count as one."""
-    return a.exists() and b.exists() and a.samefile(b)
+    with contextlib.suppress(OSError):  # one of them is not there, or cannot be
+        return a.samefile(b)
+    return False
 
 
 def _must_be_new(target: Path) -> None:

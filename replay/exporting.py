@@ -16,7 +16,7 @@ from formats.errors import FormatError, Notes, UsageError
 from formats.errors import Path as AnyPath
 from formats.frame import Pose
 from formats.grid import Evidence
-from formats.output import check_output, write_image, write_text
+from formats.output import check_output, is_folder, write_image, write_text
 from formats.plans.map_file import write_map
 from formats.result import Counts
 from formats.results.file import RunFile, read_result
@@ -93,7 +93,7 @@ def stem_of(result: Path, out: AnyPath | None) -> Path:
     name = result.name.removesuffix(".mcap").removesuffix(".replay") or "result"
     if out is None:
         return Path(name)
-    return Path(out) / name if Path(out).is_dir() else Path(out)
+    return Path(out) / name if is_folder(out) else Path(out)
 
 
 def _folder_beside(stem: Path) -> tempfile.TemporaryDirectory[str]:

@@ -26,6 +26,7 @@ KIND = Kind(
     *("replay placement", 1, "is no placement of a plan"),
     hint="give the JSON file that `replay align` wrote",
 )
+LARGEST, FARTHEST = 1e6, 1e9  # scale and shift of a matrix
 SKEWED = 1e-3  # of the scale: how far from a similarity a matrix may be
 
 
@@ -142,8 +143,10 @@ def _matrix(path: AnyPath, rows: object) -> npt.NDArray[np.float64]:
         matrix = np.empty(0)
     if matrix.shape != (2, 3) or not all(map(isfinite, matrix.ravel())):
         raise FormatError(path, "its matrix is not two rows of three numbers")
+    if np.abs(matrix[:, :2]).max() > LARGEST or np.abs(matrix[:, 2]).max() > FARTHEST:
+        raise FormatError(path, "its matrix is beyond reason: no building is so large or so far")
     (a, b), (c, d) = matrix[:, :2]
     scale, flip = hypot(a, c), 1.0 if a * d - b * c > 0 else -1.0
-    if scale == 0.0 or hypot(b + flip * c, d - flip * a) > SKEWED * scale:
+    if scale < 1.0 / LARGEST or hypot(b + flip * c, d - flip * a) > SKEWED * scale:
         raise FormatError(path, "its matrix is not a turn, scale and shift")
     return matrix

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import mmap
+import stat
 import struct
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 from zlib import crc32
@@ -28,6 +29,7 @@ def opened(
     path: Path, read: tuple[str, ...], notes: Notes | None
 ) -> tuple[dict[str, Any], dict[str, dict[str, str]], dict[str, bytes], Messages]:
     """The record "replay", all metadata, attachments, and messages, of a sound file."""
+    must_be_file(path)
     metadata, attachments, messages = _contents(path, notes or Notes(), read)
     if RECORD not in metadata:
         hint = "`replay run` writes results; `replay info` looks into logs"
@@ -35,6 +37,18 @@ def opened(
     if not _sound(path):
         raise FormatError(path, "damaged: the checksum of its data does not match", hint=AGAIN)
     return read_record(path, metadata[RECORD]), metadata, attachments, messages
+
+
+def must_be_file(path: Path) -> None:
+    """Refuse what would let a reader wait for ever: pipes, sockets, devices.
+
+    Raises:
+        FormatError: it is one of them.
+    """
+    with suppress(OSError):  # not there, a name too long: opening it says so
+        mode = path.stat().st_mode
+        if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+            raise FormatError(path, "is not a regular file")
 
 
 @contextmanager

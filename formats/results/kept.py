@@ -20,7 +20,7 @@ from formats.mcap.blocks import Block, load
 from formats.mcap.parse import HEAD, MAX_CHUNK, MalformedError, parse, walk
 from formats.mcap.summary import FOOTER_SIZE
 from formats.results import messages as ros
-from formats.results.contents import DATA_END, RECORD, read_record
+from formats.results.contents import DATA_END, RECORD, must_be_file, read_record
 from formats.results.groups import KINDS, Groups, grouped, scored_cells
 from formats.results.keyframes import Change
 from formats.results.reading import read_through_time
@@ -77,6 +77,7 @@ def read_kept(path: AnyPath, notes: Notes | None = None, *, whole: bool = False)
         FormatError: it is not a result, of a newer format, cut or damaged.
     """
     path = Path(path)
+    must_be_file(path)
     found = None
     if not whole:
         try:

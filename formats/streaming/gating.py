@@ -37,7 +37,7 @@ def gate(
         raise ValueError("every and readings_per_pose are at least 1")
     if min_travel < 0 or min_turn < 0:
         raise ValueError("min_travel and min_turn are not negative")
-    rows = np.arange(0, len(poses), every)
+    rows = np.arange(0, len(poses), min(every, len(poses) + 1))
     if min_travel == 0 and min_turn == 0:
         if readings_per_pose is None:
             return rows

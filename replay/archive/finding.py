@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from formats.errors import FormatError
+from formats.output import is_folder, is_there
 from replay.archive.places import RESULT, Place, is_remote, join, listed
 
 FAILED = ".failed.json"
@@ -41,9 +42,9 @@ def results_in(archives: Place | Iterable[Place], suffix: str = RESULT) -> Itera
                 yield Found(text, text.rsplit("/", 1)[-1])
             else:
                 yield from _under(text, suffix)
-        elif Path(text).is_dir():
+        elif is_folder(text):
             yield from _under(text, suffix)
-        elif Path(text).exists():
+        elif is_there(text):
             if suffix == RESULT:
                 yield Found(text, Path(text).name)
         elif any(letter in text for letter in MAGIC):

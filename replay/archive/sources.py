@@ -15,6 +15,7 @@ from formats.errors import FormatError, UsageError
 from formats.mcap.log import fits as is_mcap
 from formats.mcap.records import METADATA, METADATA_INDEX
 from formats.opening import HEAD, reader_of
+from formats.output import is_folder, is_there
 from formats.results.contents import RECORD
 from replay.archive.finding import MAGIC
 from replay.archive.manifest import SUFFIXES, Job, read_manifest
@@ -58,7 +59,7 @@ def _of_one(text: str) -> Iterator[Job]:
             yield Job((text,), stem(text))
         else:
             yield from (Job((join(text, name),), stem(name, whole=True)) for name in names)
-    elif Path(text).is_dir() and not is_log(Path(text)):
+    elif is_folder(text) and not is_log(Path(text)):
         base = Path(text)
         found = [
             Job((str(path),), stem(path.relative_to(base).as_posix(), whole=True))
@@ -67,7 +68,7 @@ def _of_one(text: str) -> Iterator[Job]:
         if not found:
             raise FormatError(text, "holds no logs")
         yield from found
-    elif any(letter in text for letter in MAGIC) and not Path(text).exists():
+    elif any(letter in text for letter in MAGIC) and not is_there(text):
         hits = sorted(glob.glob(text, recursive=True))  # noqa: PTH207 - it may be absolute
         if not hits:
             raise FormatError(text, "no file fits this pattern")
@@ -78,7 +79,7 @@ def _of_one(text: str) -> Iterator[Job]:
         base = Path(text).parent
         for line in lines:
             yield from _of_one(line if is_remote(line) else str(base / line))
-    elif not Path(text).exists() and not Path(text).is_symlink():
+    elif not is_there(text):
         raise FormatError(text, "no such file")
     else:
         yield Job((text,), stem(text))
@@ -96,7 +97,7 @@ def _lines(path: Path) -> list[str]:
     except (OSError, UnicodeDecodeError):
         return []
     lines = [line for line in lines if line and not line.startswith("#")]
-    known = lines and (is_remote(lines[0]) or (path.parent / lines[0]).exists())
+    known = lines and (is_remote(lines[0]) or is_there(path.parent / lines[0]))
     return lines if known or (lines and any(c in lines[0] for c in MAGIC)) else []
 
 

@@ -9,7 +9,7 @@ import click
 
 from formats.errors import Notes
 from replay.cli.flags import file_flag, force_flag, json_flag, plan_method_flag, quiet_flag
-from replay.cli.values import NOT_NEGATIVE, POSITIVE, PoseType, answer, ending, say
+from replay.cli.values import NOT_NEGATIVE, POSITIVE, Number, PoseType, answer, ending, say
 
 
 class LineType(click.ParamType[tuple[float, float, float, float]]):
@@ -32,7 +32,7 @@ class LineType(click.ParamType[tuple[float, float, float, float]]):
         return a, b, c, d
 
 
-SHARE = click.FloatRange(0.0, 1.0)
+SHARE = Number(0.0, 1.0)
 LINE = LineType()
 
 

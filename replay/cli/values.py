@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from importlib import import_module
+from math import isnan
 from typing import Any
 
 import click
@@ -102,9 +103,22 @@ class TableOption(click.Option):
         return list(table() if callable(table) else table)
 
 
-PROBABILITY = click.FloatRange(0.0, 1.0)
-POSITIVE = click.FloatRange(0.0, min_open=True)
-NOT_NEGATIVE = click.FloatRange(0.0)
+class Number(click.FloatRange):
+    """A number within a range; nan, which click lets pass, is none."""
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """The number."""
+        number = super().convert(value, param, ctx)
+        if isnan(number):
+            self.fail(f"{value!r} is not a number", param, ctx)
+        return number
+
+
+PROBABILITY = Number(0.0, 1.0)
+POSITIVE = Number(0.0, min_open=True)
+NOT_NEGATIVE = Number(0.0)
 
 
 def say(notes: Notes) -> None:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from formats.errors import Notes
 from formats.errors import Path as AnyPath
 from formats.grid import Geometry, Grid, logit
-from formats.output import check_output, write_image, write_text
+from formats.output import check_output, is_folder, write_image, write_text
 from formats.plans.annotations import read_truth
 from formats.plans.edits import PlanEdits, read_plan_edits
 from formats.plans.file import Plan, open_plan
@@ -176,7 +176,7 @@ def plan(
     notes = Notes() if notes is None else notes
     inputs = [path, *(other for other in (truth, edits) if other)]
     stem = Path(output) if output else Path(Path(path).stem)
-    if stem.is_dir():
+    if is_folder(stem):
         stem = stem / Path(path).stem
     names = {kind: Path(f"{stem}_{kind}") for kind in ("overlay.png", "plan.geojson", "walls.pgm")}
     for name in names.values():

@@ -17,6 +17,7 @@ from formats.output import check_output, write_image
 from formats.plans.file import Plan, open_plan
 from formats.plans.placement import Placement, write_placement
 from replay.drawn import taken_apart
+from replay.option_ranges import check_options
 from replay.registration.overlay import arrows, candidates, overlay
 from replay.registration.placing import Pin, metres_of, pinned, placed, posed, seen_in
 from replay.registration.register import Alignment, align, align_place, whole_of
@@ -94,6 +95,8 @@ def align_files(
     """
     started = perf_counter()
     notes = Notes() if notes is None else notes
+    asked = {"plan_resolution": plan_resolution}
+    check_options(asked, asked, {"plan_resolution": (1e-6, 1e3)})
     inputs = [Path(source), Path(prior)]
     for path in (output, picture):
         if path is not None:

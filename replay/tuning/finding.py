@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from formats.errors import Notes, UsageError
 from formats.grid import Update
-from formats.output import check_output
+from formats.output import check_output, is_folder
 from replay.drawn import PlanMethod
 from replay.tuning import picks
 from replay.tuning.choosing import STEPS, tuned
@@ -133,7 +133,7 @@ def stem_of(output: Files | None) -> Path:
     """Folder and first part of the names of all files."""
     if output is None:
         return Path("tune")
-    return Path(output) / "tune" if Path(output).is_dir() else Path(output)
+    return Path(output) / "tune" if is_folder(output) else Path(output)
 
 
 def _checked(

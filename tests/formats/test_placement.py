@@ -82,6 +82,9 @@ GOOD = {"format": "replay placement", "version": 1, "unit": "metres", "matrix": 
         ({"matrix": None}, "two rows of three"),
         ({"matrix": [[1, 0.2, 0], [0, 1, 0]]}, "turn, scale and shift"),
         ({"matrix": [[0, 0, 1], [0, 0, 1]]}, "turn, scale and shift"),
+        ({"matrix": [[1e-300, 0, 0], [0, -1e-300, 0]]}, "turn, scale and shift"),
+        ({"matrix": [[1e200, 0, 0], [0, -1e200, 0]]}, "beyond reason"),
+        ({"matrix": [[50, 0, 1e308], [0, -50, 0]]}, "beyond reason"),
     ],
 )
 def test_what_is_no_placement_is_refused(tmp_path: Path, change: dict[str, Any], said: str) -> None:
