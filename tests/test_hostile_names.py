@@ -41,7 +41,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.parametrize("words", ["rescore {}", "compare {} {}", "export {}", "report {}"])
 def test_a_pipe_is_no_result(home: Path, words: str) -> None:
     os.mkfifo(home / "pipe.replay.mcap")
-    command = [REPLAY, *words.format("pipe.replay.mcap", "pipe.replay.mcap").split()]
+    command = [str(REPLAY), *words.format("pipe.replay.mcap", "pipe.replay.mcap").split()]
     done = subprocess.run(
         command, cwd=home, capture_output=True, text=True, check=False, timeout=60
     )
