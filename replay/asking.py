@@ -97,3 +97,17 @@ def stem(log: Path) -> str:
     """The name that a log's results go by: without `.mcap`, `.bag.gz` and the like."""
     name = "stdin" if log == Path("-") else Path(realpath(log)).name
     return name.split(".")[0] or name
+
+
+def tell_changed(logs: Sequence[Path], before: Mapping[Path, object], notes: Notes) -> None:
+    """Warn of logs that are not what they were."""
+    for path in logs:
+        if states([path]).items() - before.items():
+            notes.warn(path, "changed while it was read: give it again when it is whole")
+
+
+def states(paths: Sequence[Path]) -> dict[Path, tuple[int, int]]:
+    """Size and time of change (ns) of files, and of those right in folders."""
+    files = [file for path in paths for file in (path.iterdir() if path.is_dir() else [path])]
+    stats = {file: file.stat() for file in files if file.is_file()}
+    return {file: (stat.st_size, stat.st_mtime_ns) for file, stat in stats.items()}

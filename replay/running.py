@@ -7,7 +7,6 @@ from contextlib import ExitStack
 from dataclasses import replace
 from math import inf
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 from formats.errors import Notes
@@ -18,7 +17,7 @@ from formats.result import Result
 from formats.results.file import ResultWriter
 from formats.stream import Drive, open_log, survey
 from replay import facts
-from replay.asking import Asked, ask
+from replay.asking import Asked, ask, states, tell_changed
 from replay.mapper import Mapper
 from replay.options import GATES, READING, WORLD, Options, among
 from replay.pipeline import Clock, steps
@@ -294,17 +293,3 @@ def measured(
         names = (*facts.SHOWN, *metrics)
         found |= measuring.sureness(names, result.grids, world.wall, scored)
     return found
-
-
-def tell_changed(logs: Sequence[Path], before: Mapping[Path, object], notes: Notes) -> None:
-    """Warn of logs that are not what they were."""
-    for path in logs:
-        if states([path]).items() - before.items():
-            notes.warn(path, "changed while it was read: give it again when it is whole")
-
-
-def states(paths: Sequence[Path]) -> dict[Path, tuple[int, int]]:
-    """Size and time of change (ns) of files, and of those right in folders."""
-    files = [file for path in paths for file in (path.iterdir() if path.is_dir() else [path])]
-    stats = {file: file.stat() for file in files if file.is_file()}
-    return {file: (stat.st_size, stat.st_mtime_ns) for file, stat in stats.items()}
