@@ -199,7 +199,9 @@ class CarmenLog:
             elif word == b"TRUEPOS":
                 sent[word].append(topic_of(name, POSE, count, frame="map"))
             else:
-                sent[word].append(topic_of(name, ODOMETRY, count, frame="odom"))
+                # Between a mapper's corrections its odometry goes on from the last, and jumps.
+                own = "map" if self._words[b"NEFF"] else "odom"
+                sent[word].append(topic_of(name, ODOMETRY, count, frame=own))
         found: dict[bytes, list[Sent]] = {
             word: [(topic, None) for topic in topics] for word, topics in sent.items()
         }

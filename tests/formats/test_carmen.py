@@ -105,6 +105,17 @@ def test_a_mapper_s_log_has_its_poses_in_the_map_frame(tmp_path: Path) -> None:
     assert named.choice.in_map
 
 
+def test_a_mapper_s_odometry_does_not_say_how_the_robot_moved(tmp_path: Path) -> None:
+    text = HEADER
+    for k in range(20):  # between corrections it goes on from the last one, too far to the left
+        text += odom(k / 5 - 0.01, f"{0.1 * k} 0.2 0.3")
+        text += flaser(k / 5, f"{0.1 * k} 0 0", f"{0.1 * k} 0 0")
+    found, _ = surveyed(tmp_path, text + "NEFF 12.5\n", poses="odometry")
+    np.testing.assert_allclose(found.poses, [[0.1 * k, 0, 0] for k in range(20)], atol=1e-9)
+    driven, _ = surveyed(tmp_path, text, "driven.log", poses="odometry")
+    assert not driven.choice.in_map
+
+
 def test_corrected_lasers_beside_raw_odometry_are_taken_as_they_are(tmp_path: Path) -> None:
     text = HEADER + "PARAM robot_frontlaser_offset 0.25 nohost 0\n"
     for k in range(6):  # the laser turns away from the odometry
