@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 from formats.errors import Notes, printable
@@ -15,6 +16,7 @@ from replay.pictures import CURVE_NAMES
 from replay.prior import breaks_e13
 from replay.scoring.count_metrics import METRICS
 from replay.scoring.history import History
+from replay.surveying.deviations import Deviations
 from replay.world import World
 
 SHOWN = ("precision", "recall", "f2")
@@ -100,6 +102,16 @@ def warn(world: World, options: Options, notes: Notes) -> None:
         broken = breaks_e13(1 - levels[0], 1 - levels[-1], *asked)
         if broken:
             notes.warn(world.plan.path, broken)
+
+
+def warn_elsewhere(found: Deviations, plan: Path, notes: Notes) -> None:
+    """What the walls say against the plan."""
+    if found.contradicted:
+        problem = (
+            "most of its walls that were seen are not there: it is another building's, or lies"
+        )
+        hint = "look at `replay align`, or give --plan-pose"
+        notes.warn(plan, f"{problem} elsewhere, or is no more than a sketch; {hint}")
 
 
 def origin(world: World, drive: Drive, log: Log) -> dict[str, Any]:

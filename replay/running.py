@@ -156,7 +156,7 @@ def run(
             grids={name: curve.of(mapper.evidence) for name, curve in world.curves.items()},
             facts={**origin, **facts.ended(history, chosen["region"], notes)},
         )
-        against_plan = compared(world, mapper)
+        against_plan = compared(world, mapper, notes)
         if against_plan is not None:
             result.facts["walls"] = against_plan.facts()
         foretold = predictor.scores() if predictor else {}
@@ -266,11 +266,13 @@ def begun(asked: Asked, plan: Plan | None, drive: Drive, notes: Notes) -> tuple[
     return world, mapper
 
 
-def compared(world: World, mapper: Mapper) -> Deviations | None:
+def compared(world: World, mapper: Mapper, notes: Notes) -> Deviations | None:
     """The walls of the plan, where there is one, against all that was seen."""
     if world.plan is None:
         return None
-    return deviations(mapper.evidence, world.kept(), world.curves["none"].p_levels)
+    found = deviations(mapper.evidence, world.kept(), world.curves["none"].p_levels)
+    facts.warn_elsewhere(found, world.plan.path, notes)
+    return found
 
 
 def measured(

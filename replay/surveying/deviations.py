@@ -17,6 +17,7 @@ from replay.surveying.segments import Mask
 
 MET = 2, 0.25  # readings that ended in a cell, and their share: a wall seen at a grazing angle
 OPEN = 3, 0.1  # readings of a cell, and at most so many that ended in it: it is surely open
+CONTRADICTED = 5.0, 0.5  # m of walls that were seen, and the share of them that is not there
 EXPLAINED = 0.15  # m around planned and moved walls, where hits are no new wall
 
 
@@ -50,6 +51,14 @@ class Deviations:
             out[state] = (len(some), sum(some, 0.0))
         inside = [extra.length for extra in self.found if extra.inside]
         return {**out, "found": (len(inside), sum(inside, 0.0))}
+
+    @property
+    def contradicted(self) -> bool:
+        """Whether enough was seen to say that the plan does not lie where the building stands."""
+        metres = {state: length for state, (_, length) in self.summary().items()}
+        seen = metres["confirmed"] + metres["moved"] + metres["not there"]
+        least, share = CONTRADICTED
+        return seen >= least and metres["not there"] > share * seen
 
     def facts(self) -> dict[str, Any]:
         """What a run says of it: metres by state, and how far confirmed walls lie off."""

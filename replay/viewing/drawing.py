@@ -14,12 +14,7 @@ import numpy.typing as npt
 import rerun as rr
 
 from formats.results.records import ratios
-from replay.pictures import (
-    CURVE_COLOURS,
-    CURVE_NAMES,
-    WALL_COLOURS,
-    error_kinds,
-)
+from replay.pictures import CURVE_COLOURS, CURVE_NAMES, WALL_COLOURS, error_kinds
 from replay.viewing.panels import METRICS
 from replay.viewing.particles import Trail
 from replay.viewing.scene import (

@@ -156,6 +156,18 @@ def test_without_a_truth_the_plan_is_taken_and_said(tmp_path: Path) -> None:
     assert result.facts["truth"] is None
 
 
+def test_a_plan_that_lies_elsewhere_is_doubted(played: Result, tmp_path: Path) -> None:
+    notes = Notes()
+    shifted = Pose(2.0, 1.0, 0.6)
+    sample(tmp_path, every=20, plan_pose=shifted, notes=notes)
+    assert "most of its walls that were seen are not there" in " ".join(
+        map(str, notes.of("warning"))
+    )
+    there = Notes()
+    sample(tmp_path, every=20, notes=there, force=True)
+    assert "not there" not in " ".join(map(str, there))
+
+
 def test_outputs_are_not_overwritten(tmp_path: Path) -> None:
     sample(tmp_path, every=100)
     with pytest.raises(FormatError, match="--force"):
