@@ -177,6 +177,12 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "2 -> 3",
     ): "a longer tail that repeats the last sum and is never asked for",
     (
+        "replay.scoring.kernels",
+        "SURE, FEW = 1e-6, 1_000_000",
+        "1e-06 -> 1.000001",
+    ): "more sums are looked at twice, with the same answer",
+    ("replay.scoring.kernels", "BLOCK = 32", "32 -> 33"): "how many are worked on at once",
+    (
         "replay.tuning.front",
         "if width_a[i] * width_b[j] <= width_a[k] * width_b[m]:",
         "LtE -> Lt",
