@@ -24,6 +24,7 @@ from replay.drawing import Method, extract
 from replay.planning.scores import score
 
 ROOT = Path(__file__).resolve().parent.parent
+SHORT = {"walls": "w", "doors": "d", "doors_hinge": "dh"}
 COLUMNS = (
     ("walls", "precision"),
     ("walls", "recall"),
@@ -69,7 +70,8 @@ def line(name: str, row: Row) -> str:
 
 def table(data: Path, method: Method, only: str) -> None:
     """Print a method's rows and means."""
-    print(f"\n{method:24}" + "".join(f"{part[:5] + '.' + n[:3]:>9}" for part, n in COLUMNS), " s")
+    print("\nw: walls, d: doors, dh: doors by their hinges")
+    print(f"{method:24}" + "".join(f"{SHORT[part]} {n[:6]}".rjust(9) for part, n in COLUMNS), " s")
     sets: dict[str, list[Row]] = {}
     for name, picture, annotation in drawings(data):
         if only in picture.stem:
