@@ -91,6 +91,9 @@ def _fork(task: dict[str, Any], answers: IO[bytes]) -> None:
             if not data:
                 break
             answers.write(data)
+    except OSError:  # nobody reads the answers: the batch has gone
+        os.kill(pid, signal.SIGKILL)
+        raise
     finally:
         os.close(read)
         _, status = os.waitpid(pid, 0)

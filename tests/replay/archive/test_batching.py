@@ -235,6 +235,37 @@ def test_a_task_whose_batch_is_gone_is_not_begun(home: Path) -> None:
     assert b'"pid"' not in done.stdout
 
 
+# A run that hangs once it has told of its progress, for a batch that does not listen.
+HANGING = """
+import os, signal, time
+from replay.archive import nursery
+def perform(task, answers):
+    time.sleep(1.0)  # until nobody listens
+    nursery._say(answers, {"progress": [1, 2]})
+    time.sleep(1000)
+nursery.perform = perform
+nursery.main()
+"""
+
+
+@pytest.mark.skipif(not nursery.FORKS, reason="runs are forked on Linux alone")
+def test_a_run_that_nobody_listens_to_is_ended() -> None:
+    command = [sys.executable, "-c", HANGING]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
+    with subprocess.Popen(command, **pipes) as process:  # type: ignore[call-overload]
+        try:
+            process.stdin.write(b"{}\n")  # and stays open
+            process.stdin.flush()
+            assert b'"ready"' in process.stdout.readline()
+            run = json.loads(process.stdout.readline())["pid"]
+            process.stdout.close()
+            assert process.wait(timeout=60.0) != 0
+            with pytest.raises(ProcessLookupError):
+                os.kill(run, 0)
+        finally:
+            process.kill()
+
+
 @pytest.mark.skipif(os.getuid() != 0, reason="only root may mount a small disk")
 @pytest.mark.parametrize("size", ["12k", "96k"])
 def test_a_full_disk_is_one_line_or_failed_logs(
